@@ -59,7 +59,8 @@ def cache_folder(kind: str) -> Path | None:
         return None
     folder = root / kind
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        root.mkdir(mode=0o700, parents=True, exist_ok=True)  # the mode holds for the last folder only
+        folder.mkdir(mode=0o700, exist_ok=True)
         return folder if _is_private(root) and _is_private(folder) else None
     except OSError:
         return None

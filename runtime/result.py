@@ -1,0 +1,356 @@
+"""Results: what a run produced, by the names of the model.
+
+In: a finished, failed or interrupted run (`Run`: its plan, the segments of every group, and `evaluate`). Out: values at the output times
+and at any other, steps and counters of each group, files and plots. Nothing is computed before it is asked for.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hierc.runtime.contract import Plan, Variable
+
+Floats = NDArray[np.float64]
+
+#: Without an `interval`, results stand at this many equal parts of the run.
+PARTS = 500
+#: More output times than this are taken for a mistake in `interval`.
+MOST_TIMES = 5_000_000
+
+_ELEMENT = re.compile(r"(?P<path>.*)\[(?P<indices>\d+(?:,\d+)*)\]")
+
+
+class Status(Protocol):
+    """How a run ended: a named value with a sentence."""
+
+    @property
+    def ok(self) -> bool:
+        """True when the run reached its stop time."""
+
+    @property
+    def message(self) -> str:
+        """One sentence with the numbers a user needs: time, group, state, step size."""
+
+
+class Trajectory(Protocol):
+    """What one group left behind."""
+
+    @property
+    def name(self) -> str:
+        """The group's name."""
+
+    @property
+    def method(self) -> str:
+        """The method that integrated it."""
+
+    @property
+    def knots(self) -> Floats:
+        """Ends of its steps: k + 1 times."""
+
+    @property
+    def stats(self) -> Mapping[str, int]:
+        """Its counters: steps rejected evaluations jacobians iterations."""
+
+
+class Run(Protocol):
+    """A run as the simulator hands it over."""
+
+    @property
+    def plan(self) -> Plan:
+        """The model's tables."""
+
+    @property
+    def start(self) -> float:
+        """Where the run started, s."""
+
+    @property
+    def stop(self) -> float:
+        """Where it was to stop, s."""
+
+    @property
+    def t_reached(self) -> float:
+        """Up to where everything is known, s."""
+
+    @property
+    def status(self) -> Status:
+        """How it ended."""
+
+    @property
+    def groups(self) -> Sequence[Trajectory]:
+        """In cascade order."""
+
+    def evaluate(self, paths: Sequence[str], t: Floats) -> Mapping[str, Floats]:
+        """Values of variables (len(t), *shape) at any times between start and t_reached."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroupStats:
+    """How one group was integrated. Step sizes are in s, NaN where there was no step."""
+
+    method: str
+    states: int
+    steps: int
+    rejected: int
+    evaluations: int
+    jacobians: int
+    iterations: int  # of Newton's method
+    step_min: float
+    step_median: float
+    step_max: float
+
+
+class Result:
+    """Values, steps and counters of one run.
+
+    `r["cart.x"]` is an array over `r.t`; a vector has shape (len(r.t), n), an element is named `plan.p[1]`. `r("cart.x", t)` is the value
+    at a number or an array of times. Names are those of the model, private variables included. Values are in the declared units.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        *,
+        interval: float | None = None,
+        settings: Mapping[str, object],
+        params: Mapping[str, object],
+    ) -> None:
+        self._run = run
+        self._variables = {v.path: v for v in run.plan.variables}
+        self._values: dict[str, Floats] = {}
+        self._stats: dict[str, GroupStats] | None = None
+        #: Output times, s: every `interval` from the start, and the end.
+        self.t: Floats = output_times(run.start, run.t_reached, interval)
+        #: The settings the run used, defaults included.
+        self.settings: Mapping[str, object] = settings
+        #: The parameters that were set for this run, by path.
+        self.params: Mapping[str, object] = params
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return self._run.plan.name
+
+    @property
+    def status(self) -> Status:
+        """How the run ended."""
+        return self._run.status
+
+    @property
+    def start(self) -> float:
+        """Time the run started at, s."""
+        return self._run.start
+
+    @property
+    def stop(self) -> float:
+        """Time the run was to stop at, s."""
+        return self._run.stop
+
+    @property
+    def t_reached(self) -> float:
+        """Last time, s, up to which everything is known: the stop time unless the run failed or was interrupted."""
+        return self._run.t_reached
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Paths of all variables, private ones included, in text order."""
+        return tuple(self._variables)
+
+    @property
+    def recorded(self) -> tuple[str, ...]:
+        """What files and plots show: the experiment's `record`, else every `write` variable."""
+        chosen = self._run.plan.experiment.record
+        return chosen or tuple(v.path for v in self._variables.values() if v.access == "write")
+
+    @property
+    def units(self) -> dict[str, str | None]:
+        """Declared unit of every variable, None where it has none."""
+        return {path: variable.unit for path, variable in self._variables.items()}
+
+    @property
+    def stats(self) -> dict[str, GroupStats]:
+        """Counters and step sizes of each group, in cascade order."""
+        if self._stats is None:
+            sizes = group_sizes(self._run.plan)
+            self._stats = {g.name: _statistics(g, sizes[g.name]) for g in self._run.groups}
+        return self._stats
+
+    def steps(self, group: str) -> tuple[Floats, Floats]:
+        """Start times and sizes, s, of the steps a group took. Raises KeyError for an unknown group."""
+        for trajectory in self._run.groups:
+            if trajectory.name == group:
+                return trajectory.knots[:-1], np.diff(trajectory.knots)
+        raise KeyError(_unknown("group", group, [g.name for g in self._run.groups]))
+
+    def __getitem__(self, name: str) -> Floats:
+        """Values at the output times: (len(t),), or (len(t), n) for a vector. Raises KeyError for an unknown name."""
+        path, element = self._find(name)
+        if path not in self._values:
+            self.fetch([path])
+        values = self._values[path]
+        return values if element is None else _select(values, element)
+
+    def __contains__(self, name: object) -> bool:
+        try:
+            return isinstance(name, str) and bool(self._find(name))
+        except KeyError:
+            return False
+
+    @overload
+    def __call__(self, name: str, t: float) -> float | Floats: ...
+
+    @overload
+    def __call__(self, name: str, t: ArrayLike) -> Floats: ...
+
+    def __call__(self, name: str, t: ArrayLike) -> float | Floats:
+        """Value of a variable at any time, or at an array of times, by dense output.
+
+        A scalar variable at one time gives a float, otherwise an array of shape (*t.shape, *variable.shape). Raises KeyError for an
+        unknown name and ValueError for times outside the run.
+        """
+        path, element = self._find(name)
+        times = np.asarray(t, dtype=np.float64)
+        if times.size and not (self.start <= times.min() and times.max() <= self.t_reached):
+            raise ValueError(f"times must lie within the run, from {self.start!r} to {self.t_reached!r} s")
+        values = np.asarray(self._run.evaluate([path], times.ravel())[path])
+        if element is not None:
+            values = _select(values, element)
+        values = values.reshape(times.shape + values.shape[1:])
+        return float(values) if values.ndim == 0 else values
+
+    def fetch(self, paths: Iterable[str]) -> None:
+        """Compute variables at the output times at once, which is quicker than one by one."""
+        missing = [path for path in paths if path not in self._values]
+        if missing:
+            found = self._run.evaluate(missing, self.t)
+            self._values.update({path: np.asarray(found[path]) for path in missing})
+
+    def columns(self, names: Iterable[str] | None = None) -> dict[str, Floats]:
+        """One array over `t` a scalar, vectors split into their elements: what a table shows (default: what is recorded)."""
+        chosen = list(self.recorded if names is None else names)
+        self.fetch(dict.fromkeys(self._find(name)[0] for name in chosen))
+        table: dict[str, Floats] = {}
+        for name in chosen:
+            values = self[name]
+            for index in np.ndindex(values.shape[1:]):
+                table[name + _subscript(index)] = _select(values, index)
+        return table
+
+    def panels(self) -> dict[str, list[str]]:
+        """The recorded names by the group that integrates them; what belongs to no group stands under the model's name."""
+        plan = self._run.plan
+        home = {node: group.name for group in plan.groups for node in group.nodes}
+        found: dict[str, list[str]] = {title: [] for title in [*(g.name for g in plan.groups), self.model]}
+        for name in self.recorded:
+            elements = self._variables[self._find(name)[0]].elements
+            found[home.get(elements[0][0], self.model) if elements else self.model].append(name)
+        return {title: names for title, names in found.items() if names}
+
+    def to_csv(self, path: str | Path, names: Iterable[str] | None = None) -> None:
+        """Write a table: a column `time` and one a scalar (default: what is recorded). Raises OSError, KeyError."""
+        from hierc.runtime.writers import write_csv
+
+        write_csv(Path(path), self.t, self.columns(names))
+
+    def to_npz(self, path: str | Path, names: Iterable[str] | None = None) -> None:
+        """Write arrays `time` and one a variable, named by their paths, for `numpy.load`. Raises OSError, KeyError."""
+        from hierc.runtime.writers import write_npz
+
+        chosen = list(self.recorded if names is None else names)
+        self.fetch(dict.fromkeys(self._find(name)[0] for name in chosen))
+        write_npz(Path(path), self.t, {name: self[name] for name in chosen})
+
+    def plot(self, path: str | Path | None = None, names: Iterable[str] | None = None) -> object:
+        """Draw a panel a group (or one panel of `names`), write it to a `.png`, `.pdf` or `.svg` if asked, and return the figure.
+
+        Needs matplotlib. Raises ImportError without it, KeyError, OSError, ValueError for another kind of file.
+        """
+        from hierc.runtime.plotting import draw
+
+        return draw(self, None if path is None else Path(path), None if names is None else list(names))
+
+    def __repr__(self) -> str:
+        end = "" if self.status.ok else f", {self.status.message}"
+        return f"<Result of {self.model}: {self.start:g} to {self.t_reached:g} s, {len(self.t)} times, {len(self.names)} variables{end}>"
+
+    def _find(self, name: str) -> tuple[str, tuple[int, ...] | None]:
+        """The variable's path, and the element's indices from 0 where the name has subscripts."""
+        if name in self._variables:
+            return name, None
+        match = _ELEMENT.fullmatch(name)
+        variable = self._variables.get(match["path"]) if match else None
+        if match is None or variable is None:
+            raise KeyError(_unknown("variable", name, self._variables))
+        return variable.path, _element(variable, name, tuple(map(int, match["indices"].split(","))))
+
+
+def output_times(start: float, stop: float, interval: float | None) -> Floats:
+    """`start`, every `interval` after it, and `stop`; 500 equal parts without an interval. Raises ValueError."""
+    if stop <= start:
+        return np.array([start], dtype=np.float64)
+    if interval is None:
+        return np.linspace(start, stop, PARTS + 1, dtype=np.float64)
+    if not interval > 0:
+        raise ValueError(f"the output interval must be positive, not {interval!r}")
+    ratio = (stop - start) / interval
+    if ratio > MOST_TIMES:
+        raise ValueError(
+            f"an output interval of {interval!r} s gives {ratio:.3g} output times; the most is {MOST_TIMES}"
+        )
+    whole = round(ratio) if abs(ratio - round(ratio)) < 1e-9 * max(ratio, 1.0) else int(ratio) + 1
+    times: Floats = start + interval * np.arange(whole + 1, dtype=np.float64)
+    times[-1] = stop
+    return times
+
+
+def group_sizes(plan: Plan) -> dict[str, int]:
+    """Number of states of each group."""
+    return {g.name: sum(len(plan.classes[plan.nodes[n].kind].states) for n in g.nodes) for g in plan.groups}
+
+
+def _statistics(group: Trajectory, states: int) -> GroupStats:
+    sizes = np.diff(group.knots)
+    low, middle, high = (
+        (sizes.min(), np.median(sizes), sizes.max()) if len(sizes) else (np.nan, np.nan, np.nan)
+    )
+    return GroupStats(
+        method=group.method,
+        states=states,
+        steps=int(group.stats.get("steps", len(sizes))),
+        rejected=int(group.stats.get("rejected", 0)),
+        evaluations=int(group.stats.get("evaluations", 0)),
+        jacobians=int(group.stats.get("jacobians", 0)),
+        iterations=int(group.stats.get("iterations", 0)),
+        step_min=float(low),
+        step_median=float(middle),
+        step_max=float(high),
+    )
+
+
+def _select(values: Floats, element: tuple[int, ...]) -> Floats:
+    index: tuple[slice | int, ...] = (slice(None), *element)
+    return np.asarray(values[index])
+
+
+def _element(variable: Variable, name: str, indices: tuple[int, ...]) -> tuple[int, ...]:
+    shape = variable.shape
+    if len(indices) != len(shape) or not all(1 <= i <= n for i, n in zip(indices, shape, strict=False)):
+        size = "is a number" if not shape else f"has the shape {list(shape)}; indices start at 1"
+        raise KeyError(f"no element `{name}`: `{variable.path}` {size}")
+    return tuple(i - 1 for i in indices)
+
+
+def _subscript(index: tuple[int, ...]) -> str:
+    return f"[{','.join(str(i + 1) for i in index)}]" if index else ""
+
+
+def _unknown(kind: str, name: str, known: Iterable[str]) -> str:
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f"unknown {kind} `{name}`" + (f"; did you mean `{close[0]}`?" if close else "")
