@@ -1,0 +1,214 @@
+"""From a model's text to a runnable model, by way of the generated module and its cache.
+
+What is compiled is kept in a folder that only the user may write, under a hash of everything it was made from: hierc's version and the
+compiler's own sources, the model's text, the experiment, and the values of structural parameters. When nothing of that has changed, neither
+lark nor sympy is imported. Two processes may share the folder: files appear whole, and whoever comes second replaces like with like.
+"""
+
+from __future__ import annotations
+
+import builtins
+import hashlib
+import importlib.util
+import json
+import linecache
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, cast
+
+from hierc.runtime.files import cache_folder, write_whole
+from hierc.version import __version__
+
+if TYPE_CHECKING:
+    from hierc.grammar.source import SourceFile
+    from hierc.runtime.model import Model
+
+#: A parameter's value: a number, or rows of numbers.
+Value = Any
+#: Cached files kept; the oldest go first.
+_KEPT = 400
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """A runnable model, the compiler's warnings as text, and whether it was compiled just now."""
+
+    model: Model
+    warnings: tuple[str, ...]
+    compiled: bool
+
+
+def load(
+    source: str | Path,
+    experiment: str | None = None,
+    params: Mapping[str, Value] | None = None,
+    *,
+    cache: bool = True,
+) -> Model:
+    """Compile a model, or take it from the cache, ready to `simulate`.
+
+    `source` is a path, the name of a packaged model (`"cart"`), or the text of a model (a `str` with a `{` in it). `params` replaces
+    parameters by path, structural ones included, in their declared units; the others become defaults that `simulate` may replace again.
+    `cache=False` compiles afresh. Raises `hierc.ModelError` with all problems, ValueError for parameters that do not fit.
+    """
+    import warnings
+
+    loaded = prepare(read(source), experiment, params or {}, cache=cache)
+    for text in loaded.warnings:
+        warnings.warn(text, stacklevel=2)
+    return loaded.model
+
+
+def compile(
+    source: str | Path, experiment: str | None = None, params: Mapping[str, Value] | None = None
+) -> str:
+    """The text of the Python module that a model compiles to. Arguments and errors as for `load`."""
+    from hierc.compiler.driver import compile_source
+
+    return compile_source(read(source), experiment, params or {}).text
+
+
+def read(source: str | Path) -> SourceFile:
+    """The source file that `source` names or holds; see `load`. Raises `hierc.ModelError` if it cannot be read."""
+    from hierc.grammar.reading import read_source
+    from hierc.grammar.source import SourceFile
+
+    if isinstance(source, str) and "{" in source:
+        return SourceFile("<text>", source)
+    packaged = packaged_models().get(str(source))
+    if packaged is not None and not Path(source).exists():
+        return SourceFile(packaged.name, packaged.read_text(encoding="utf-8"))
+    return read_source(source)
+
+
+def packaged_models() -> dict[str, Path]:
+    """Models that come with hierc, by name."""
+    return {path.stem: path for path in sorted(_folder("hierc.models").glob("*.hier"))}
+
+
+def prepare(
+    source: SourceFile, experiment: str | None, params: Mapping[str, Value], *, cache: bool = True
+) -> Loaded:
+    """The runnable model of a source file; see `load`."""
+    store = _Store.open(source, experiment) if cache else None
+    found = store.find(params) if store else None
+    if found is not None:
+        module, warnings = found
+        return Loaded(_with_values(module.MODEL, params), warnings, compiled=False)
+    from hierc.compiler.driver import compile_source
+    from hierc.grammar.render import render
+
+    made = compile_source(source, experiment, params)
+    warnings = tuple(render(problem) for problem in made.warnings)
+    if store is not None:
+        store.keep(params, made.structural, made.text, warnings)
+    return Loaded(_with_values(run_module(made.text, source.name).MODEL, params), warnings, compiled=True)
+
+
+def run_module(text: str, name: str) -> ModuleType:
+    """Execute the text of a generated module that was made in this process; `name` is the model's, for tracebacks."""
+    shown = f"<compiled {name}>"
+    module = ModuleType("hierc_model")
+    module.__file__ = shown
+    linecache.cache[shown] = (len(text), None, text.splitlines(keepends=True), shown)
+    exec(builtins.compile(text, shown, "exec"), module.__dict__)  # noqa: S102 - the emitter's own text, made a moment ago
+    return module
+
+
+def _with_values(model: Model, params: Mapping[str, Value]) -> Model:
+    plain = {name: value for name, value in params.items() if name not in structural_names(model)}
+    return model.with_parameters(plain) if plain else model
+
+
+def structural_names(model: Model) -> frozenset[str]:
+    """Paths of the parameters that are built into a model's code."""
+    return frozenset(p.path for p in model.plan.parameters if p.structural)
+
+
+@dataclass(frozen=True, slots=True)
+class _Store:
+    """The cached modules of one text and experiment.
+
+    `<family>.json` lists the structural parameters seen so far: their values, and no others, distinguish the members. A member is a module
+    `<family>-<member>.py` with its warnings in `<family>-<member>.json`, which is written first.
+    """
+
+    folder: Path
+    family: str
+
+    @classmethod
+    def open(cls, source: SourceFile, experiment: str | None) -> _Store | None:
+        folder = cache_folder("models")
+        key = [__version__, _compiler_digest(), source.name, source.text, experiment]
+        return None if folder is None else cls(folder, _digest(json.dumps(key))[:24])
+
+    def find(self, params: Mapping[str, Value]) -> tuple[ModuleType, tuple[str, ...]] | None:
+        """The module for these parameters with its warnings; None if there is none, or if it does not load."""
+        try:
+            structural = json.loads((self.folder / f"{self.family}.json").read_bytes())
+            stem = self._member(params, structural)
+            warnings = tuple(json.loads((self.folder / f"{stem}.json").read_bytes()))
+            return _import_file(self.folder / f"{stem}.py", "hierc_model"), warnings
+        except Exception:  # whatever is wrong with the files: they are made again
+            return None
+
+    def keep(
+        self, params: Mapping[str, Value], structural: Iterable[str], text: str, warnings: tuple[str, ...]
+    ) -> None:
+        """Store a module. A cache that cannot be written is no reason to stop."""
+        family = self.folder / f"{self.family}.json"
+        known = set(structural)
+        with suppress(OSError, ValueError):
+            known |= set(json.loads(family.read_bytes()))
+        with suppress(OSError):
+            stem = self._member(params, known)
+            write_whole(self.folder / f"{stem}.json", json.dumps(warnings).encode())
+            write_whole(self.folder / f"{stem}.py", text.encode())
+            write_whole(family, json.dumps(sorted(known)).encode())
+            self._forget_oldest()
+
+    def _member(self, params: Mapping[str, Value], structural: Iterable[str]) -> str:
+        chosen = sorted((name, repr(params[name])) for name in set(structural) & set(params))
+        return f"{self.family}-{_digest(json.dumps(chosen))[:16]}"
+
+    def _forget_oldest(self) -> None:
+        files = sorted(self.folder.glob("*.*"), key=lambda file: file.stat().st_mtime_ns)
+        for file in files[: max(len(files) - _KEPT, 0)]:
+            file.unlink(missing_ok=True)
+
+
+def _import_file(path: Path, name: str) -> ModuleType:
+    """Import a module from a file of the private cache, with Python's own cache of byte code beside it."""
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _compiler_digest() -> str:
+    """Hash of everything that shapes a generated module: while hierc is developed, its version alone does not tell."""
+    files = [
+        *_folder("hierc.grammar").glob("*.*"),
+        *_folder("hierc.compiler").glob("**/*.py"),
+        _folder("hierc.runtime") / "contract.py",
+    ]
+    return _digest(*(file.read_bytes() for file in sorted(files) if file.suffix in {".py", ".lark"}))
+
+
+def _folder(package: str) -> Path:
+    """Where a package's files are, without importing it."""
+    spec = importlib.util.find_spec(package)
+    return Path(cast(list[str], spec and spec.submodule_search_locations)[0])
+
+
+def _digest(*parts: str | bytes) -> str:
+    sha = hashlib.sha256()
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else part
+        sha.update(len(data).to_bytes(8) + data)
+    return sha.hexdigest()

@@ -1,0 +1,120 @@
+"""What `hierc` says on stderr: problems, the table of groups, progress.
+
+Tables are plain text, so that a short run does not wait for rich; rich draws the progress bar of a long one, on a terminal.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+
+    from hierc.grammar.problems import Problem
+    from hierc.runtime.result import GroupStats
+
+#: A run shorter than this, in s, shows no progress bar.
+_PATIENCE = 0.4
+
+
+def say(text: str) -> None:
+    """One line of talk."""
+    print(text, file=sys.stderr)  # noqa: T201
+
+
+def show_problems(problems: Sequence[Problem], *, as_json: bool) -> None:
+    """Problems for a reader on stderr, or as JSON on stdout."""
+    from hierc.grammar.render import render, to_json
+
+    if as_json:
+        print(json.dumps({"problems": [to_json(problem) for problem in problems]}, indent=2))  # noqa: T201
+        return
+    say("\n\n".join(render(problem, color=has_colors()) for problem in problems))
+    errors = sum(problem.severity == "error" for problem in problems)
+    if errors > 1:
+        say(f"\n{errors} errors")
+
+
+def has_colors() -> bool:
+    """Whether stderr is a terminal whose user has not asked for plain text (https://no-color.org)."""
+    return sys.stderr.isatty() and not os.environ.get("NO_COLOR")
+
+
+def show_groups(stats: Mapping[str, GroupStats]) -> None:
+    """The table of groups: how each was integrated."""
+    head = ("group", "method", "states", "steps", "rejected", "evaluations", "step min", "median", "max")
+    rows = [
+        (
+            name, s.method, str(s.states), str(s.steps), str(s.rejected), str(s.evaluations),
+            duration(s.step_min), duration(s.step_median), duration(s.step_max),
+        )
+        for name, s in stats.items()
+    ]  # fmt: skip
+    for line in aligned([head, *rows], left=2):
+        say("  " + line)
+
+
+def aligned(rows: Sequence[Sequence[str]], *, left: int) -> Iterable[str]:
+    """Rows as lines with columns of equal width; the first `left` columns flush left, the others right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = [
+            c.ljust(w) if i < left else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True))
+        ]
+        yield "  ".join(cells).rstrip()
+
+
+def duration(seconds: float) -> str:
+    """A time with three digits and a unit: `1.25 ms`; `-` where there is none."""
+    if not math.isfinite(seconds):
+        return "-"
+    for factor, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
+        if abs(seconds) >= 0.9995 * factor or seconds == 0:
+            return f"{seconds / factor:.3g} {unit}"
+    return f"{seconds:.3g} s"
+
+
+class Progress(AbstractContextManager["Progress"]):
+    """A progress bar over simulated time, on stderr if that is a terminal, for runs that last."""
+
+    def __init__(self, title: str, start: float, stop: float, *, shown: bool) -> None:
+        self._title, self._start, self._stop = title, start, stop
+        self._shown = shown and sys.stderr.isatty()
+        self._since = time.monotonic()
+        self._bar: Bar | None = None
+        self._task: Any = None
+
+    def __call__(self, t: float) -> None:
+        """Tell how far the run is; called a few dozen times a second at most."""
+        if not self._shown or time.monotonic() - self._since < _PATIENCE:
+            return
+        if self._bar is None:
+            self._bar, self._task = self._begin()
+        self._bar.update(self._task, completed=t - self._start, now=f"{t:.4g} of {self._stop:g} s")
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def _begin(self) -> tuple[Bar, Any]:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.text import Text
+
+        columns = (
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            TextColumn("{task.fields[now]}", markup=False),
+            TimeRemainingColumn(),
+        )
+        bar = Progress(*columns, console=Console(stderr=True), transient=True)
+        bar.start()
+        title = Text(self._title).plain
+        return bar, bar.add_task(title, total=self._stop - self._start, now="")
