@@ -1,0 +1,65 @@
+"""Golden cases of the command line: a command beside what it prints and its exit code.
+
+A case is `cases/NAME.case`: the command after `$`, its stdout, stderr and exit code. The models it names lie beside it.
+After a change, `pytest tests/cli --accept` rewrites what is expected; read the difference before committing it. `$`, then its stdout, stderr and exit code. The models it names lie beside it. After a change,
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CASES = Path(__file__).parent / "cases"
+
+#: What differs from run to run: times, and the line that a first run says.
+VARYING = (
+    (
+        re.compile(r"simulated in \S+ \S+ after \S+ \S+ of preparation"),
+        "simulated in <time> after <time> of preparation",
+    ),
+    (re.compile(r"^.*first run.*\n", re.MULTILINE), ""),
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A current folder with all models, and with what cannot be a model."""
+    for model in CASES.glob("*.hier"):
+        shutil.copy(model, tmp_path)
+    (tmp_path / "binary.hier").write_bytes(bytes(range(256)) * 4)
+    (tmp_path / "folder.hier").mkdir()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def hierc(command: str) -> subprocess.CompletedProcess[str]:
+    """Run the command line as a user would."""
+    plain = {"COLUMNS": "100", "NO_COLOR": "1", "PYTHONIOENCODING": "utf-8", "PYTHONWARNINGS": "default"}
+    return subprocess.run(
+        [sys.executable, "-m", "hierc", *shlex.split(command)],
+        capture_output=True, text=True, encoding="utf-8", env={**os.environ, **plain}, timeout=300, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("case", sorted(CASES.glob("*.case")), ids=lambda case: case.stem)
+def test_case(case: Path, folder: Path, request: pytest.FixtureRequest) -> None:
+    expected = case.read_text(encoding="utf-8")
+    command = expected.splitlines()[0].removeprefix("$ hierc ")
+    ran = hierc(command)
+    assert "Traceback" not in ran.stderr
+    assert ran.returncode != 70, ran.stderr
+    said = ran.stderr
+    for pattern, replacement in VARYING:
+        said = pattern.sub(replacement, said)
+    got = f"$ hierc {command}\n{ran.stdout}--- stderr\n{said}--- exit {ran.returncode}\n"
+    if request.config.getoption("--accept"):
+        case.write_text(got, encoding="utf-8")
+    else:
+        assert got == expected

@@ -1,0 +1,178 @@
+"""`hierc run` around the golden cases: interruption, pipes, files, imports."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hierc import cli, commands
+
+DECAY = """
+agent Decay(real tau [s] = 0.5) {
+  write real x [m] = 1;
+  private real y [m] = 2;
+  diff { x' = -x/tau; y' = -y/tau; }
+}
+experiment fall of Decay() { stop = 2 [s]; interval = 0.1 [s]; rtol = 1e-10; atol = 1e-12; }
+"""
+
+#: An oscillator that takes some 10^8 steps: only an interrupt ends it in time.
+LONG = """
+agent Fast() {
+  write real x = 1, v = 0;
+  diff { x' = v; v' = -1e6*x; }
+}
+experiment e of Fast() { stop = 1e6 [s]; rtol = 1e-6; max_step = 1e-2 [s]; }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "decay.hier").write_text(DECAY)
+    (tmp_path / "long.hier").write_text(LONG)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_files_hold_the_solution(folder: Path) -> None:
+    assert cli.main(["run", "decay.hier", "-o", "r.csv", "--plot", "r.png", "--quiet", "-p", "tau=0.25"]) == 0
+    with Path("r.csv").open() as file:
+        rows = list(csv.reader(file))
+    assert rows[0] == ["time", "x"]
+    t, x = np.array(rows[1:], dtype=float).T
+    assert t == pytest.approx(np.arange(21) / 10)
+    assert x == pytest.approx(np.exp(-t / 0.25), abs=1e-9)
+    assert Path("r.png").read_bytes().startswith(b"\x89PNG")
+    assert cli.main(["run", "decay.hier", "-o", "r.npz", "--quiet", "-p", "tau=0.25"]) == 0
+    with np.load("r.npz") as arrays:
+        assert np.array_equal(arrays["x"], x)
+
+
+def test_the_summary_is_plain_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert (
+        cli.main(["run", "decay.hier", "--json", "--quiet", "--stop", "1", "--rtol", "1e-5", "-p", "tau=1"])
+        == 0
+    )
+    captured = capsys.readouterr()
+    summary = json.loads(captured.out)
+    assert captured.err == ""
+    assert (summary["model"], summary["ok"], summary["reached"]) == ("Decay", True, 1.0)
+    assert summary["settings"]["rtol"] == 1e-5
+    assert summary["parameters"] == {"tau": 1}
+    (group,) = summary["groups"].values()
+    assert group["states"] == 2
+    assert group["steps"] > 0
+    assert group["evaluations"] > group["steps"]
+    assert 0 < group["step_min"] <= group["step_median"] <= group["step_max"] <= 1
+
+
+def test_ctrl_c_keeps_what_is_done(folder: Path) -> None:
+    command = [sys.executable, "-m", "hierc", "run", "long.hier", "-o", "partial.csv"]
+    assert cli.main(["compile", "long.hier", "-o", "warm.py"]) == 0
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
+        time.sleep(8.0)  # past compiling; the run itself would take hours
+        run.send_signal(signal.SIGINT)
+        said = run.communicate(timeout=30)[1]
+    assert run.returncode == 130, said
+    assert "Traceback" not in said
+    assert "interrupted" in said
+    with Path("partial.csv").open() as file:
+        t, x = np.array(list(csv.reader(file))[1:], dtype=float).T[:2]
+    assert 0 < t[-1] < 1e6
+    assert x[0] == 1.0
+    assert np.all(np.isfinite(x))
+
+
+def test_a_reader_that_goes_away(folder: Path) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "hierc", "run", "decay.hier", "-o", "-", "--quiet"]
+    ran = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writing)
+    assert ran.returncode == 2
+    assert ran.stderr == "hierc: nobody reads the output any more\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a full device")
+def test_a_full_disk(folder: Path) -> None:
+    command = [sys.executable, "-m", "hierc", "run", "decay.hier", "-o", "-", "--quiet"]
+    with Path("/dev/full").open("w") as full:
+        ran = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert ran.returncode == 2
+    assert ran.stderr == "hierc: error: No space left on device\n"
+
+
+def test_a_file_that_cannot_be_written_does_not_lose_the_others(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "decay.hier").write_text(DECAY.replace("stop =", 'save "a.npz", "b.csv"; stop ='))
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("hierc.runtime.writers.write_npz", refuse)
+    assert cli.main(["run", "decay.hier", "--quiet"]) == 2
+    assert capsys.readouterr().err == "hierc: error: `a.npz`: Permission denied\n"
+    assert Path("b.csv").exists()
+
+
+def test_a_link_does_not_lead_a_save_outside(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    inside = folder / "inside"
+    inside.mkdir()
+    os.chdir(inside)
+    (inside / "out").symlink_to(folder)
+    Path("m.hier").write_text(DECAY.replace("stop =", 'save "out/x.csv"; stop ='))
+    assert cli.main(["run", "m.hier"]) == 2
+    assert "outside the current folder" in capsys.readouterr().err
+    assert not (folder / "x.csv").exists()
+
+
+def test_a_bug_of_ours_says_so(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(_: object) -> int:
+        raise KeyError("v17")
+
+    monkeypatch.setattr(commands, "check", broken)
+    monkeypatch.delenv("HIERC_DEBUG", raising=False)
+    assert cli.main(["check", "decay.hier"]) == 70
+    said = capsys.readouterr().err
+    assert "bug in hierc" in said
+    assert "not in your model" in said
+    assert "Traceback" not in said
+    monkeypatch.setenv("HIERC_DEBUG", "1")
+    assert cli.main(["check", "decay.hier"]) == 70
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_warm_run_imports_neither_parser_nor_algebra(folder: Path) -> None:
+    assert cli.main(["run", "decay.hier", "--quiet"]) == 0
+    code = (
+        "import sys; from hierc.cli import main; code = main(['run', 'decay.hier'])\n"
+        "print(code, *{name.partition('.')[0] for name in sys.modules})"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    code, *modules = ran.stdout.split()
+    assert code == "0"
+    assert {"lark", "sympy", "scipy", "numba", "matplotlib", "rich"}.isdisjoint(modules)
+
+
+def test_a_compiled_module_runs_alone(folder: Path) -> None:
+    assert cli.main(["compile", "decay.hier", "-o", "decay_model.py"]) == 0
+    code = (
+        "import sys, decay_model\nr = decay_model.simulate(stop=1.0)\n"
+        "print(r('x', 1.0), 'sympy' in sys.modules, 'lark' in sys.modules)"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    x, *imported = ran.stdout.split()
+    assert float(x) == pytest.approx(np.exp(-2.0), abs=1e-8)
+    assert imported == ["False", "False"]
