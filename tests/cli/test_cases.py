@@ -1,7 +1,7 @@
 """Golden cases of the command line: a command beside what it prints and its exit code.
 
 A case is `cases/NAME.case`: the command after `$`, its stdout, stderr and exit code. The models it names lie beside it.
-After a change, `pytest tests/cli --accept` rewrites what is expected; read the difference before committing it. `$`, then its stdout, stderr and exit code. The models it names lie beside it. After a change,
+After a change, `pytest tests/cli --accept` rewrites what is expected; read the difference before committing it.
 """
 
 from __future__ import annotations
