@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hierc.runtime.contract import Plan, Variable
+from hierc.runtime.status import Status
+from hierc.runtime.trajectory import GroupTrajectory
 
 Floats = NDArray[np.float64]
 
@@ -26,38 +28,6 @@ PARTS = 500
 MOST_TIMES = 5_000_000
 
 _ELEMENT = re.compile(r"(?P<path>.*)\[(?P<indices>\d+(?:,\d+)*)\]")
-
-
-class Status(Protocol):
-    """How a run ended: a named value with a sentence."""
-
-    @property
-    def ok(self) -> bool:
-        """True when the run reached its stop time."""
-
-    @property
-    def message(self) -> str:
-        """One sentence with the numbers a user needs: time, group, state, step size."""
-
-
-class Trajectory(Protocol):
-    """What one group left behind."""
-
-    @property
-    def name(self) -> str:
-        """The group's name."""
-
-    @property
-    def method(self) -> str:
-        """The method that integrated it."""
-
-    @property
-    def knots(self) -> Floats:
-        """Ends of its steps: k + 1 times."""
-
-    @property
-    def stats(self) -> Mapping[str, int]:
-        """Its counters: steps rejected evaluations jacobians iterations."""
 
 
 class Run(Protocol):
@@ -84,7 +54,7 @@ class Run(Protocol):
         """How it ended."""
 
     @property
-    def groups(self) -> Sequence[Trajectory]:
+    def groups(self) -> Sequence[GroupTrajectory]:
         """In cascade order."""
 
     def evaluate(self, paths: Sequence[str], t: Floats) -> Mapping[str, Floats]:
@@ -291,6 +261,14 @@ class Result:
         return variable.path, _element(variable, name, tuple(map(int, match["indices"].split(","))))
 
 
+class SimulationError(Exception):
+    """A run ended before its stop time. `result` holds everything up to the last time at which all groups are known."""
+
+    def __init__(self, result: Result) -> None:
+        self.result = result
+        super().__init__(result.status.message)
+
+
 def output_times(start: float, stop: float, interval: float | None) -> Floats:
     """`start`, every `interval` after it, and `stop`; 500 equal parts without an interval. Raises ValueError."""
     if stop <= start:
@@ -315,7 +293,7 @@ def group_sizes(plan: Plan) -> dict[str, int]:
     return {g.name: sum(len(plan.classes[plan.nodes[n].kind].states) for n in g.nodes) for g in plan.groups}
 
 
-def _statistics(group: Trajectory, states: int) -> GroupStats:
+def _statistics(group: GroupTrajectory, states: int) -> GroupStats:
     sizes = np.diff(group.knots)
     low, middle, high = (
         (sizes.min(), np.median(sizes), sizes.max()) if len(sizes) else (np.nan, np.nan, np.nan)

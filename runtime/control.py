@@ -1,0 +1,66 @@
+"""Step-size control, shared by the methods: from an error estimate to the next step size.
+
+The predictive controller of Gustafsson (ACM TOMS 20, 1994) with the usual limits: a step grows at most eightfold and shrinks at most to a tenth.
+"""
+
+from __future__ import annotations
+
+from hierc.runtime.machine.dialect import bits, from_bits
+from hierc.runtime.records import Group
+
+#: Steps below this many spacings of doubles at t make no progress.
+SMALLEST = 10.0
+
+
+def power(x: float, y: float) -> float:
+    """x**y for x > 0, to about three digits: enough for step sizes, and far cheaper than `pow`."""
+    b = bits(x)
+    exponent = b // 4503599627370496 - 1023
+    m = from_bits(b % 4503599627370496 + 4607182418800017408)
+    log2 = exponent + (-2.153620718 + m * (3.047884142 + m * (-1.051875137 + m * 0.158248743)))
+    z = min(max(log2 * y, -1000.0), 1000.0)
+    whole = int(z + 2000.0) - 2000
+    f = z - whole
+    mantissa = 1.0 + f * (0.695556856 + f * (0.226173111 + f * 0.078024437))
+    return from_bits((whole + 1023) * 4503599627370496) * mantissa
+
+
+def propose_end(g: Group) -> bool:
+    """Set g.trial and g.end from g.h: lands on the stop, never leaves a sliver before it. False where the step is too small to advance t."""
+    h = min(g.h, g.max_step)
+    left = g.stop - g.t
+    if h >= left * (1.0 - 1e-12):
+        g.end = g.stop
+        h = left
+    else:
+        if h > 0.5 * left:
+            h = 0.5 * left
+        g.end = g.t + h
+    g.trial = h
+    smallest = SMALLEST * 2.220446049250313e-16 * max(abs(g.t), abs(g.end))
+    return g.end > g.t and (h > max(smallest, g.min_step) or g.end == g.stop)
+
+
+def after_acceptance(g: Group, error: float, safety: float) -> None:
+    """Next step size after an accepted step of size g.trial."""
+    predicted = 1.0
+    if g.last_size > 0.0 and g.last_error > 0.0 and error > 0.0:
+        predicted = min(1.0, g.trial / g.last_size * power(g.last_error / error, 1.0 / g.order))
+    factor = 8.0
+    if error > 0.0:
+        factor = min(8.0, max(0.2, safety * predicted * power(error, -1.0 / g.order)))
+    if g.rejections > 0:
+        factor = min(factor, 1.0)
+    g.last_size = g.trial
+    g.last_error = max(error, 1e-2)
+    g.h = g.trial * factor
+
+
+def after_rejection(g: Group, error: float, safety: float) -> None:
+    """Next trial after an error estimate of 1 or more; one that is not a number counts as very large."""
+    factor = 0.1
+    if error == error:
+        factor = max(0.1, safety * power(error, -1.0 / g.order))
+    g.h = g.trial * factor
+    g.rejections += 1
+    g.rejected += 1

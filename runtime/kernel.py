@@ -1,0 +1,47 @@
+"""The schedule: which group steps next. Compiled to machine code; see `machine`.
+
+In a cascade nothing flows back, so a group may go ahead as soon as all that it reads is known to the end of its step, and the order of execution cannot
+change any number. The run proceeds in windows: groups in cascade order, each stepping freely until it passes the window's end or has to wait for an
+earlier one. A window never clips a step; its length is a count of steps of the fastest group, so that memory, not the result, depends on it.
+"""
+
+from __future__ import annotations
+
+from hierc.runtime.machine.dialect import Array, invoke
+from hierc.runtime.records import ACCEPTED, DONE, PAUSED, WAITING, Group, Run
+
+#: Steps of the fastest group in a window.
+WINDOW_STEPS = 64.0
+
+
+def advance(run: Run, groups: Array[Group]) -> float:
+    """Go on with a run until it is done, the budget is used up, or a group asks for Python's help. Returns a code of `records.py`."""
+    while True:
+        while run.group < run.groups:
+            g = groups[run.group]
+            while g.t < run.window:
+                if run.budget <= 0:
+                    return PAUSED
+                run.budget -= 1
+                outcome = invoke(g.step, g, groups)
+                if outcome == WAITING:
+                    break
+                if outcome != ACCEPTED:
+                    return outcome
+            run.group += 1
+        if run.window >= run.stop:
+            return DONE
+        run.window = next_window(run, groups)
+        run.group = 0
+
+
+def next_window(run: Run, groups: Array[Group]) -> float:
+    """End of the next window: later than the slowest group's time, by so many steps of the fastest."""
+    fastest = run.stop - run.window
+    behind = run.stop
+    for k in range(run.groups):
+        g = groups[k]
+        behind = min(behind, g.t)
+        if g.h > 0.0:
+            fastest = min(fastest, g.h)
+    return min(run.stop, max(behind, run.window) + WINDOW_STEPS * fastest)

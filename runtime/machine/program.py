@@ -1,0 +1,142 @@
+"""Machine code for a plan: the kernel, once a machine, and the pieces of each form of group, once a content.
+
+Objects are cached under a hash of everything they were made from: the runtime's own sources, the text of the classes' functions, the form, the
+method, the processor and LLVM. What is found there needs no lowering.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import hashlib
+import inspect
+import json
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hierc.runtime.contract import Class
+from hierc.runtime.files import cache_folder, write_whole
+from hierc.runtime.kernel import advance
+from hierc.runtime.machine.compose import Composer, Form
+from hierc.runtime.machine.unit import Loaded, Unit, compile_object, machine_key, parse_function
+from hierc.runtime.methods.catalogue import METHODS
+from hierc.runtime.methods.method import Method
+
+#: Called with a sentence where something has to be compiled that takes a while.
+Announce = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """The compiled pieces of one form under one method: addresses by name, doubles of workspace, whether the Jacobian is constant."""
+
+    addresses: dict[str, int]
+    work: int
+    linear: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """Everything a run needs of machine code. `code` keeps it in memory."""
+
+    advance: int
+    steps: dict[str, int]  # by method
+    pieces: dict[tuple[Form, str], Pieces]
+    code: Loaded
+
+
+def build(
+    classes: tuple[Class, ...], wanted: Sequence[tuple[Form, str]], announce: Announce | None = None, *, cache: bool = True
+) -> Program:
+    """Compile, or take from the cache, the kernel and the pieces for each (form, method)."""
+    store = cache_folder("objects") if cache else None
+    objects = [_cached(store, f"kernel {_runtime_digest()}", _kernel, announce, "the integration kernel")]
+    labels: dict[tuple[Form, str], tuple[str, dict[str, Any]]] = {}
+    for form, name in dict.fromkeys(wanted):
+        text = _description(classes, form, name)
+        label = "g" + hashlib.sha256(text.encode()).hexdigest()[:16]
+        made = _cached(store, text, functools.partial(_form, label, classes, form, METHODS[name]), None, "")
+        labels[form, name] = (label, made[0])
+        objects.append(made)
+    code = Loaded([o for _, o in objects])
+    pieces = {
+        (form, name): Pieces(
+            {p.__name__: code.address(f"{label}_{p.__name__}") for p in METHODS[name].pieces}, facts["work"], facts["linear"]
+        )
+        for (form, name), (label, facts) in labels.items()
+    }
+    steps = {name: code.address(f"step_{name}") for name in METHODS}
+    return Program(code.address("advance"), steps, pieces, code)
+
+
+def _kernel() -> tuple[dict[str, Any], Unit]:
+    unit = Unit("kernel")
+    unit.lower(advance, export="advance")
+    for method in METHODS.values():
+        unit.lower(method.step, lanes=method.lanes, constants=method.step_names(), export=f"step_{method.name}")
+    return {}, unit
+
+
+def _form(label: str, classes: tuple[Class, ...], form: Form, method: Method) -> tuple[dict[str, Any], Unit]:
+    unit = Unit(label)
+    composer = Composer(unit, label, form, classes, parse_function, method.lanes)
+    names, work, linear = method.names(composer)
+    for piece in method.pieces:
+        unit.lower(piece, lanes=method.lanes, constants=names, export=f"{label}_{piece.__name__}")
+    return {"work": work, "linear": linear}, unit
+
+
+def _cached(
+    store: Path | None, content: str, make: Callable[[], tuple[dict[str, Any], Unit]], announce: Announce | None, what: str
+) -> tuple[dict[str, Any], bytes]:
+    """The object for this content: its facts as a line of JSON, then its code."""
+    name = hashlib.sha256(f"{machine_key()}\n{content}".encode()).hexdigest()
+    if store is not None:
+        with suppress(OSError, ValueError):
+            line, code = (store / f"{name}.o").read_bytes().split(b"\n", 1)
+            facts = json.loads(line)
+            if facts.pop("digest") == hashlib.sha256(code).hexdigest():
+                return facts, code
+    if announce is not None:
+        announce(f"compiling {what} for this machine (once)")
+    facts, unit = make()
+    code = compile_object(unit.text())
+    if store is not None:
+        line = json.dumps({**facts, "digest": hashlib.sha256(code).hexdigest()}).encode()
+        with suppress(OSError):
+            write_whole(store / f"{name}.o", line + b"\n" + code)
+    return facts, code
+
+
+def _description(classes: tuple[Class, ...], form: Form, method: str) -> str:
+    """Everything that decides the code of a form: the text of all functions it calls, and how they are composed."""
+    used = sorted({call.kind for call in form.calls + form.publishing})
+    texts = []
+    for k in used:
+        kind = classes[k]
+        functions = [kind.rhs, *(p.function for p in kind.parts), kind.jac]
+        texts.append(repr((k, kind.pattern, [p.outs for p in kind.parts], len(kind.states), kind.outs)))
+        texts += [_text(f) for f in functions]
+    return "\n".join([_runtime_digest(), method, repr(form), *texts])
+
+
+@functools.cache
+def _text(function: Callable[..., Any]) -> str:
+    return inspect.getsource(function)
+
+
+@functools.cache
+def _runtime_digest() -> str:
+    """Hash of the sources that shape machine code."""
+    here = Path(__file__).parent
+    files = [*here.glob("*.py"), *here.parent.glob("methods/*.py")]
+    files += [here.parent / f"{name}.py" for name in ("kernel", "records", "segments", "control")]
+    return hashlib.sha256(b"\0".join(f.read_bytes() for f in sorted(files))).hexdigest()
+
+
+def functions_of(kind: Class) -> list[ast.FunctionDef]:
+    """Syntax trees of all functions of a class."""
+    return [parse_function(f) for f in (kind.rhs, kind.jac, *(p.function for p in kind.parts))]

@@ -1,0 +1,128 @@
+"""What a function of a generated module depends on, and its split into a part of inputs and time and a part of states.
+
+An implicit step evaluates a right-hand side at the same times again and again while only the states change. Whatever does not depend on the states is
+computed once a step: `split` moves those statements into a function of their own, which leaves the values that the rest needs in an array `v`.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+
+#: Says of a subscript (array, index) whether it is fixed, that is does not depend on the states.
+Fixed = Callable[[str, int], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """`before` computes what is fixed and fills `v[0..saved)`; `after` does the rest. Together they do what the whole function does."""
+
+    before: ast.FunctionDef
+    after: ast.FunctionDef
+    saved: int
+
+
+def split(function: ast.FunctionDef, output: str, fixed: Fixed) -> Split:
+    """Split `function(…, output)`. The new functions take a last argument `v`; `before` has no `output`."""
+    moving = _moving_names(function, fixed)
+    before: list[ast.stmt] = []
+    after: list[ast.stmt] = []
+    saved = 0
+    for statement in function.body:
+        if _moves(statement, moving, fixed):
+            after.append(statement)
+        elif isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Subscript):
+            before.append(_assign(_item("v", saved), statement.value))
+            after.append(_assign(statement.targets[0], _item("v", saved)))
+            saved += 1
+        elif isinstance(statement, ast.If) and any(isinstance(t, ast.Subscript) for t in targets(statement)):
+            after.append(statement)  # stores within a branch stay together with it
+        else:
+            before.append(statement)
+    needed = _names_read(after)
+    prologue: list[ast.stmt] = []
+    for name in [n for n in dict.fromkeys(_names_assigned(before)) if n in needed]:
+        before.append(_assign(_item("v", saved), ast.Name(name, ast.Load())))
+        prologue.append(_assign(ast.Name(name, ast.Store()), _item("v", saved)))
+        saved += 1
+    arguments = [a.arg for a in function.args.args]
+    return Split(
+        _function(f"{function.name}_before", [*(a for a in arguments if a != output), "v"], before),
+        _function(f"{function.name}_after", [*arguments, "v"], prologue + after),
+        saved,
+    )
+
+
+def depends(function: ast.FunctionDef, output: str, fixed: Fixed) -> set[int]:
+    """Indices of `output` whose values are not fixed."""
+    moving = _moving_names(function, fixed)
+    found: set[int] = set()
+    for statement in function.body:
+        if _moves(statement, moving, fixed):
+            for target in targets(statement):
+                if isinstance(target, ast.Subscript):
+                    found.add(_index(target))
+    return found
+
+
+def _moving_names(function: ast.FunctionDef, fixed: Fixed) -> set[str]:
+    """Names that any assignment makes depend on the states; grows until nothing changes."""
+    moving: set[str] = set()
+    while True:
+        found = {
+            target.id
+            for statement in function.body
+            if _moves(statement, moving, fixed)
+            for target in targets(statement)
+            if isinstance(target, ast.Name)
+        }
+        if found <= moving:
+            return moving
+        moving |= found
+
+
+def _moves(statement: ast.stmt, moving: Collection[str], fixed: Fixed) -> bool:
+    for node in ast.walk(statement):
+        match node:
+            case ast.Name(id=name) if name in moving:
+                return True
+            case ast.Subscript(value=ast.Name(id=array), ctx=ast.Load()) if not fixed(array, _index(node)):
+                return True
+            case ast.Name(id="t") if not fixed("t", 0):
+                return True
+    return False
+
+
+def targets(statement: ast.stmt) -> Iterable[ast.expr]:
+    """All assignment targets in a statement, those of its branches included."""
+    for node in ast.walk(statement):
+        if isinstance(node, ast.Assign):
+            yield from node.targets
+
+
+def _names_assigned(statements: list[ast.stmt]) -> list[str]:
+    return [t.id for s in statements for t in targets(s) if isinstance(t, ast.Name)]
+
+
+def _names_read(statements: list[ast.stmt]) -> set[str]:
+    return {n.id for s in statements for n in ast.walk(s) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)}
+
+
+def _index(node: ast.Subscript) -> int:
+    assert isinstance(node.slice, ast.Constant)
+    return int(node.slice.value)
+
+
+def _item(array: str, index: int) -> ast.Subscript:
+    return ast.Subscript(ast.Name(array, ast.Load()), ast.Constant(index), ast.Load())
+
+
+def _assign(target: ast.expr, value: ast.expr) -> ast.Assign:
+    return ast.copy_location(ast.Assign([target], value), value)
+
+
+def _function(name: str, arguments: list[str], body: list[ast.stmt]) -> ast.FunctionDef:
+    signature = ast.arguments([], [ast.arg(a) for a in arguments], None, [], [], None, [])
+    made = ast.FunctionDef(name, signature, body or [ast.Pass()], [])
+    return ast.fix_missing_locations(made)

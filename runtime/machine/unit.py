@@ -1,0 +1,190 @@
+"""Units of machine code: functions lowered together, optimised, and cached as objects by content.
+
+A `Unit` collects functions in one LLVM module. `finish` verifies and optimises it and returns object code; `load` links objects into the process and
+gives the functions' addresses. Nothing here knows what the functions are for.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import hashlib
+import inspect
+import textwrap
+from collections.abc import Callable, Mapping
+from typing import Any, get_type_hints
+
+import llvmlite
+import llvmlite.binding as llvm
+from llvmlite import ir
+
+from hierc.runtime.machine import builtins
+from hierc.runtime.machine.lower import Lowering
+from hierc.runtime.machine.types import Type, UnsupportedCode, from_annotation, llvm_type
+
+Names = Mapping[str, Any]
+NO_NAMES: Names = {}
+
+
+class Unit:
+    """A module of machine code under construction. `lanes` is the width that the annotation `Lanes` stands for."""
+
+    def __init__(self, name: str) -> None:
+        self.module = ir.Module(name)
+        self.module.triple = llvm.get_process_triple()
+        self.made: dict[Any, tuple[ir.Function, tuple[Type, ...], Type | None]] = {}
+
+    def lower(
+        self,
+        function: Callable[..., Any],
+        *,
+        lanes: int = 1,
+        constants: Names | None = None,
+        export: str | None = None,
+    ) -> ir.Function:
+        """Lower an annotated function of the dialect, with `constants` over its globals; `export` makes it callable by that name."""
+        return self._dialect(function, lanes, constants or NO_NAMES, export)[0]
+
+    def _dialect(
+        self, function: Callable[..., Any], lanes: int, constants: Names, export: str | None = None
+    ) -> tuple[ir.Function, tuple[Type, ...], Type | None]:
+        key = (function, lanes, id(constants), export)
+        if key in self.made:
+            return self.made[key]
+        kinds, returns = _signature(function, lanes)
+        result = ir.VoidType() if returns is None else llvm_type(returns)
+        name = export or self.module.get_unique_name(f"{function.__name__}.{lanes}")
+        made = ir.Function(self.module, ir.FunctionType(result, [llvm_type(k) for k in kinds.values()]), name)
+        standalone = hasattr(function, "standalone")
+        _mark(made, inline=export is None and not standalone, pure=standalone)
+        if export is None:
+            made.linkage = "internal"
+        self.made[key] = (made, tuple(kinds.values()), returns)
+
+        def resolve(callee: Callable[..., Any]) -> tuple[ir.Function, tuple[Type, ...], Type | None]:
+            return self._dialect(callee, lanes, constants)
+
+        names = {**function.__globals__, **constants}
+        Lowering(made, kinds, returns, names, lanes, resolve, contract=True).run(parse_function(function).body)
+        return self.made[key]
+
+    def model_function(self, definition: ast.FunctionDef, types: Mapping[str, Type], lanes: int) -> ir.Function:
+        """Lower one function of a generated module, inlined wherever it is used: no contraction, no other names than `math`."""
+        name = self.module.get_unique_name(definition.name)
+        made = ir.Function(self.module, ir.FunctionType(ir.VoidType(), [llvm_type(k) for k in types.values()]), name)
+        made.linkage = "internal"
+        _mark(made, inline=True, pure=False)
+
+        def resolve(callee: Callable[..., Any]) -> tuple[ir.Function, tuple[Type, ...], Type | None]:
+            return self._dialect(callee, lanes, NO_NAMES)
+
+        Lowering(made, types, None, {}, lanes, resolve, contract=False).run(definition.body)
+        return made
+
+    def text(self) -> str:
+        """The module as LLVM text: its content decides the cache's key."""
+        return str(self.module)
+
+
+def _mark(function: ir.Function, *, inline: bool, pure: bool) -> None:
+    function.attributes.add("alwaysinline" if inline else "noinline")
+    function.attributes.add("nounwind")
+    if pure:
+        builtins.add_attribute(function, "memory(none)")
+        builtins.add_attribute(function, "willreturn")
+    for argument in function.args:
+        if isinstance(argument.type, ir.PointerType) and inline:
+            argument.add_attribute("noalias")
+
+
+@functools.cache
+def parse_function(function: Callable[..., Any]) -> ast.FunctionDef:
+    """The syntax tree of a Python function's text."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    definition = tree.body[0]
+    if not isinstance(definition, ast.FunctionDef):
+        raise UnsupportedCode(f"{function!r} is not a plain function")
+    return definition
+
+
+@functools.cache
+def _hints(function: Callable[..., Any]) -> dict[str, Any]:
+    return get_type_hints(function)
+
+
+def _signature(function: Callable[..., Any], lanes: int) -> tuple[dict[str, Type], Type | None]:
+    hints = dict(_hints(function))
+    returned = hints.pop("return", None)
+    returns = None if returned in (None, type(None)) else from_annotation(returned, lanes)
+    return {name: from_annotation(hint, lanes) for name, hint in hints.items()}, returns
+
+
+# ---- object code --------------------------------------------------------------------------------
+
+
+@functools.cache
+def _target_machine() -> llvm.TargetMachine:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=_features(), opt=2, jit=True, codemodel="jitdefault"
+    )
+
+
+@functools.cache
+def _features() -> str:
+    """The processor's features. Eight lanes are kept in one 512-bit register where there are such."""
+    features = llvm.get_host_cpu_features()
+    flags = str(features.flatten())
+    return flags + ",-prefer-256-bit" if features.get("avx512f") else flags
+
+
+def machine_key() -> str:
+    """What object code depends on beside its text: processor, features, LLVM, and how it is optimised."""
+    version = ".".join(map(str, llvm.llvm_version_info))
+    return f"{llvm.get_host_cpu_name()} {_features()} llvm {version} llvmlite {llvmlite.__version__} O2"
+
+
+def digest(text: str) -> str:
+    """Content hash of a unit's text on this machine."""
+    return hashlib.sha256(f"{machine_key()}\n{text}".encode()).hexdigest()
+
+
+def compile_object(text: str) -> bytes:
+    """Optimised object code of LLVM text."""
+    machine = _target_machine()
+    module = llvm.parse_assembly(text)
+    module.verify()
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    options.slp_vectorization = True
+    options.loop_vectorization = False
+    options.loop_unrolling = True
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    return bytes(machine.emit_object(module))
+
+
+class Loaded:
+    """Objects linked into the process. Addresses stay valid as long as this lives."""
+
+    def __init__(self, objects: list[bytes]) -> None:
+        empty = llvm.parse_assembly("")
+        _target_machine()
+        self.engine = llvm.create_mcjit_compiler(empty, _engine_machine())
+        for code in objects:
+            self.engine.add_object_file(llvm.object_file.ObjectFileRef.from_data(code))
+        self.engine.finalize_object()
+
+    def address(self, name: str) -> int:
+        """Address of an exported function."""
+        found = int(self.engine.get_function_address(name))
+        if not found:
+            raise KeyError(name)
+        return found
+
+
+def _engine_machine() -> llvm.TargetMachine:
+    # MCJIT takes ownership of its target machine, so each engine gets its own.
+    return llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=_features(), opt=2, jit=True, codemodel="jitdefault"
+    )

@@ -1,0 +1,16 @@
+"""All methods by name."""
+
+from __future__ import annotations
+
+from hierc.runtime.methods.method import Method
+from hierc.runtime.methods.radau import Radau
+from hierc.runtime.methods.radau_tables import RADAU5, RADAU9, RADAU13
+
+METHODS: dict[str, Method] = {
+    method.name: method
+    for method in (
+        Radau(RADAU5, newton_tolerance=0.05),
+        Radau(RADAU9, newton_tolerance=0.05),
+        Radau(RADAU13, newton_tolerance=0.01),
+    )
+}

@@ -1,0 +1,63 @@
+"""What an integration method is to the rest of the runtime."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+from hierc.runtime.machine.compose import Composer
+
+Piece = Callable[..., float]
+
+
+class Names(NamedTuple):
+    """What a method's pieces are lowered with: constants and functions by name, and the workspace they need, in doubles."""
+
+    names: Mapping[str, Any]
+    work: int
+    linear: bool
+
+
+class Method(Protocol):
+    """One method. `lanes` is the width of its values; a segment has `degree` + 1 coefficients a channel, padded to `width`.
+
+    `order` is that of the solution at knots, `dense_order` between them, `error_order` of the estimate (err ~ h**error_order).
+    `step` decides, the same for all groups; `pieces` compute, lowered for each form of group under their own names.
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def order(self) -> int: ...
+    @property
+    def dense_order(self) -> int: ...
+    @property
+    def error_order(self) -> int: ...
+    @property
+    def lanes(self) -> int: ...
+    @property
+    def degree(self) -> int: ...
+    @property
+    def width(self) -> int: ...
+    @property
+    def newton_tolerance(self) -> float: ...
+    @property
+    def step(self) -> Piece: ...
+    @property
+    def pieces(self) -> tuple[Piece, ...]: ...
+
+    def step_names(self) -> Mapping[str, Any]:
+        """Constants that `step` is lowered with."""
+
+    def names(self, composer: Composer) -> Names:
+        """What the pieces are lowered with for one form of group."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """A step's cost in nanoseconds, for the choice of a method: base + state*n + per right-hand-side flop."""
+
+    base: float
+    state: float
+    flop: float

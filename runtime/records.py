@@ -1,0 +1,98 @@
+"""The memory that the kernel works on: one `Group` record a subsystem, its `Source`s, and the `Run`.
+
+All fields are 8 bytes; Python fills them through `dialect.RecordArray`, machine code reads and writes them in place. Everything that a run needs to go on
+is in here, so that the kernel can return to Python at any step and be called again.
+"""
+
+from __future__ import annotations
+
+from hierc.runtime.machine.dialect import Array, Lanes, Record
+
+# What a step returns.
+ACCEPTED = 0.0  # one step done
+WAITING = 1.0  # what it reads is not known yet up to the end of its step
+FULL = 2.0  # no room for another segment
+TOO_SMALL = 3.0  # the step size fell to the spacing of doubles at t
+NOT_FINITE = 4.0  # the right-hand side stayed NaN or infinite however small the step
+# What the kernel returns beside these.
+DONE = 5.0
+PAUSED = 6.0  # the budget of this call is used up
+
+
+class Source(Record):
+    """One earlier group that a group reads: `count` of its channels, evaluated into the inputs from `first` on."""
+
+    group: int
+    first: int
+    count: int
+    cursor: int  # the segment that was read last
+
+
+class Group(Record):
+    """A subsystem under integration. Arrays of lanes are as wide as its method's; `n` states."""
+
+    # time and step size
+    t: float
+    h: float  # proposed next step size; 0 before the first
+    end: float  # where the step under trial ends
+    trial: float  # its size
+    previous: float  # size of the last accepted step
+    stop: float
+    max_step: float
+    min_step: float
+    # step-size control
+    rtol: float
+    last_error: float
+    last_size: float
+    rate: float  # convergence rate of the last Newton iteration
+    contraction: float  # rate/(1 - rate), carried from step to step
+    rejections: int  # in a row, at this step
+    fresh: int  # 1 where the last segment can predict this step
+    newton_tolerance: float
+    # states, values of parameters, tolerances
+    n: int
+    x: Array[float]
+    p: Array[float]
+    absolute: Array[float]  # absolute tolerance of each state
+    # inputs
+    source_count: int
+    sources: Array[Source]
+    channels: Array[int]  # of each input: place of its coefficients in the segment it is read from
+    u: Array[Lanes]
+    # segments: t0, t1, 1/h, h, then `width` coefficients a channel; the states are the first channels
+    track: Array[float]
+    first: int  # number of the first segment kept
+    count: int  # segments made so far
+    capacity: int
+    stride: int
+    width: int
+    degree: int
+    # code and workspace
+    step: int  # addresses: one step with this group's method …
+    initial: int  # … and its pieces, see the method
+    begin: int
+    refresh: int
+    iterate: int
+    estimate: int
+    accept: int
+    work: Array[Lanes]
+    linear: int  # 1 where the Jacobian is constant: one Newton iteration is exact
+    order: float  # of the error estimate: err ~ h**order
+    # counters
+    steps: int
+    rejected: int
+    evaluations: int
+    iterations: int
+    jacobians: int
+    factorizations: int
+    failures: int  # of Newton iterations
+
+
+class Run(Record):
+    """Where a run stands: the window under way and the group to go on with."""
+
+    stop: float
+    window: float  # end of the window
+    group: int
+    groups: int
+    budget: int  # step attempts left in this call

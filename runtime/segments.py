@@ -1,0 +1,69 @@
+"""Segments, the only interface between groups: each accepted step leaves one polynomial a channel, in theta = (t - t0)/h.
+
+A segment is t0, t1, 1/h, h, then for each channel `width` coefficients, lowest power first. Readers do not know the writer's method.
+"""
+
+from __future__ import annotations
+
+from hierc.runtime.machine.dialect import Array, Lanes, at, select
+from hierc.runtime.records import Group
+
+#: Doubles before the coefficients.
+HEADER = 4
+
+
+def segment(g: Group, k: int) -> Array[float]:
+    """Segment number k, counted from the start of the run."""
+    return at(g.track, (k - g.first) * g.stride)
+
+
+def covered(g: Group, groups: Array[Group], end: float) -> bool:
+    """Whether everything that g reads is known up to `end`."""
+    for s in range(g.source_count):
+        if groups[g.sources[s].group].t < end or groups[g.sources[s].group].count == 0:
+            return False
+    return True
+
+
+def read_inputs(g: Group, groups: Array[Group], t: Lanes, low: float, high: float) -> None:
+    """Evaluate all inputs of g at the times t, which lie in [low, high], into g.u. `low` never decreases between calls."""
+    for s in range(g.source_count):
+        source = g.sources[s]
+        up = groups[source.group]
+        k = source.cursor
+        while k + 1 < up.count and segment(up, k)[1] <= low:
+            k += 1
+        source.cursor = k
+        place = at(g.channels, source.first)
+        into = at(g.u, source.first)
+        piece = segment(up, k)
+        evaluate(piece, up.degree, place, source.count, (t - piece[0]) * piece[2], into)
+        while k + 1 < up.count and segment(up, k)[1] < high:
+            k += 1
+            piece = segment(up, k)
+            blend(piece, up.degree, place, source.count, t, into)
+
+
+def evaluate(piece: Array[float], degree: int, place: Array[int], count: int, theta: Lanes, into: Array[Lanes]) -> None:
+    """Horner's rule for `count` channels."""
+    for i in range(count):
+        c = at(piece, place[i])
+        a = theta * 0.0 + c[degree]
+        q = degree - 1
+        while q >= 0:
+            a = a * theta + c[q]
+            q -= 1
+        into[i] = a
+
+
+def blend(piece: Array[float], degree: int, place: Array[int], count: int, t: Lanes, into: Array[Lanes]) -> None:
+    """As `evaluate`, but only where t lies beyond the segment's start."""
+    theta = (t - piece[0]) * piece[2]
+    for i in range(count):
+        c = at(piece, place[i])
+        a = theta * 0.0 + c[degree]
+        q = degree - 1
+        while q >= 0:
+            a = a * theta + c[q]
+            q -= 1
+        into[i] = select(t > piece[0], a, into[i])

@@ -1,0 +1,250 @@
+"""One run: sets up the kernel's memory, lets it work in short calls, and gathers what it leaves.
+
+Between calls, each at most a few hundredths of a second, Python sees progress, interrupts and limits, and gives room to groups that need it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hierc.runtime import records
+from hierc.runtime.contract import Plan
+from hierc.runtime.machine.dialect import RecordArray, aligned
+from hierc.runtime.machine.forms import Wiring
+from hierc.runtime.machine.program import Program
+from hierc.runtime.methods.catalogue import METHODS
+from hierc.runtime.segments import HEADER
+from hierc.runtime.status import Status
+from hierc.runtime.system import System
+from hierc.runtime.trajectory import GroupTrajectory
+
+Floats = NDArray[np.float64]
+#: What one call of the kernel should take, s.
+_SLICE = 0.02
+#: Segments a group has room for at first.
+_ROOM = 256
+#: Bytes of segments beyond which a run is stopped.
+_MOST_BYTES = 4 << 30
+_COUNTERS = ("steps", "rejected", "evaluations", "iterations", "jacobians", "factorizations", "failures")
+
+
+@dataclass(frozen=True, slots=True)
+class GroupSettings:
+    """Numerical settings of one group, all decided."""
+
+    method: str
+    rtol: float
+    atol: float
+    max_step: float
+    min_step: float
+
+
+class Simulation:
+    """A run under way. `groups` and `run` are the kernel's memory; arrays they point to are kept here."""
+
+    def __init__(
+        self,
+        system: System,
+        wiring: Sequence[Wiring],
+        program: Program,
+        settings: Sequence[GroupSettings],
+        start: float,
+        stop: float,
+    ) -> None:
+        self.system, self.wiring, self.program, self.settings = system, wiring, program, settings
+        self.start, self.stop = start, stop
+        self.plan: Plan = system.plan
+        self.initial = system.initial(start)
+        count = len(wiring)
+        self.groups = RecordArray(records.Group, count)
+        self.run = RecordArray(records.Run, 1)
+        self.tracks: list[Floats] = []
+        self._kept: list[object] = []
+        first = 0
+        for g in range(count):
+            n = wiring[g].form.states
+            self._set_up(g, self.initial[first : first + n])
+            first += n
+        self.run["stop"][0], self.run["window"][0], self.run["groups"][0] = stop, start, count
+        # The first window lets every group take one step; later ones count steps.
+        self.run["window"][0] = np.nextafter(start, stop)
+        prototype = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
+        self._advance: Callable[[int, int], float] = prototype(program.advance)
+        self._budget = 64
+
+    def _set_up(self, g: int, x: Floats) -> None:
+        wiring, settings = self.wiring[g], self.settings[g]
+        form, method = wiring.form, METHODS[settings.method]
+        pieces = self.program.pieces[form, settings.method]
+        groups = self.groups
+        nodes = self.plan.groups[g].nodes
+        nominal = np.array([w for node in nodes for w in self.system.nominal(node)])
+        values = np.array([v for node in wiring.values for v in self.system.values[node]])
+        channels = form.states + len(form.published)
+        stride = HEADER + channels * method.width
+        sources, places = self._sources(wiring)
+        arrays = {
+            "x": np.concatenate([x, np.zeros_like(x)]),
+            "p": values,
+            "absolute": settings.atol * nominal,
+            "channels": places,
+            "u": aligned(max(form.inputs, 1) * method.lanes),
+            "work": aligned(max(pieces.work, 1)),
+            "sources": sources.memory,
+        }
+        for name, array in arrays.items():
+            groups[name][g] = array.ctypes.data
+        self._kept.append((arrays, sources))
+        track = np.zeros(_ROOM * stride)
+        self.tracks.append(track)
+        facts: dict[str, float] = {
+            "t": self.start, "stop": self.stop, "max_step": settings.max_step, "min_step": settings.min_step,
+            "rtol": settings.rtol, "contraction": 1.0, "newton_tolerance": method.newton_tolerance, "n": form.states,
+            "source_count": len(sources["group"]) if wiring.channels else 0, "capacity": _ROOM, "stride": stride,
+            "width": method.width, "degree": method.degree, "linear": int(pieces.linear), "order": method.error_order,
+            "step": self.program.steps[settings.method], "track": track.ctypes.data, **pieces.addresses,
+        }  # fmt: skip
+        for name, value in facts.items():
+            groups[name][g] = value
+
+    def _sources(self, wiring: Wiring) -> tuple[RecordArray, NDArray[np.int64]]:
+        """Runs of inputs that come from one group, and each input's place in the segments it is read from."""
+        owners = [g for g, _ in wiring.channels]
+        runs = [(g, owners.index(g), owners.count(g)) for g in dict.fromkeys(owners)]
+        sources = RecordArray(records.Source, len(runs))
+        for k, (g, first, count) in enumerate(runs):
+            sources["group"][k], sources["first"][k], sources["count"][k] = g, first, count
+        widths = [METHODS[self.settings[g].method].width for g in range(len(self.settings))]
+        places = [HEADER + channel * widths[g] for g, channel in wiring.channels]
+        return sources, np.array(places or [0], np.int64)
+
+    def advance(self, progress: Callable[[float], None] | None = None, most_steps: int | None = None) -> Status:
+        """Go on until the stop, a failure, or Ctrl-C. Returns how it ended."""
+        try:
+            while True:
+                outcome = self._slice()
+                if outcome == records.DONE:
+                    return Status("DONE", f"reached {self.stop:g} s")
+                if outcome == records.FULL:
+                    if not self._grow(int(self.run["group"][0])):
+                        return Status("OUT_OF_MEMORY", "the trajectory needs more memory than a run may use; stop earlier or loosen rtol")
+                elif outcome != records.PAUSED:
+                    return self._failure(outcome)
+                if progress is not None:
+                    progress(float(self.groups["t"].min()))
+                if most_steps is not None and self.groups["steps"].max() > most_steps:
+                    return self._too_many(most_steps)
+        except KeyboardInterrupt:
+            return Status("INTERRUPTED", f"interrupted at {self.reached:.6g} s")
+
+    def _slice(self) -> float:
+        """One call of the kernel, its budget adapted to the time calls take."""
+        self.run["budget"][0] = self._budget
+        began = time.perf_counter()
+        outcome = self._advance(self.run.address, self.groups.address)
+        spent = time.perf_counter() - began
+        if outcome == records.PAUSED:
+            self._budget = int(min(max(self._budget * _SLICE / max(spent, 1e-6), 16), self._budget * 8))
+        return outcome
+
+    def _grow(self, g: int) -> bool:
+        """Twice the room for a group's segments; False where that is too much."""
+        if sum(t.nbytes for t in self.tracks) + self.tracks[g].nbytes > _MOST_BYTES:
+            return False
+        old = self.tracks[g]
+        self.tracks[g] = np.concatenate([old, np.zeros_like(old)])
+        self.groups["track"][g] = self.tracks[g].ctypes.data
+        self.groups["capacity"][g] *= 2
+        return True
+
+    @property
+    def reached(self) -> float:
+        """The last time up to which all groups are known."""
+        return float(self.groups["t"][: len(self.wiring)].min()) if self.wiring else self.start
+
+    def trajectories(self) -> tuple[GroupTrajectory, ...]:
+        """The segments of all groups so far."""
+        result = []
+        first = 0
+        for g, wiring in enumerate(self.wiring):
+            n, method = wiring.form.states, METHODS[self.settings[g].method]
+            count, stride = int(self.groups["count"][g]), int(self.groups["stride"][g])
+            table = self.tracks[g][: count * stride].reshape(count, stride)
+            coefficients = table[:, HEADER : HEADER + n * method.width].reshape(count, n, method.width)
+            knots = np.append(table[:, 0], self.groups["t"][g])
+            stats = {name: int(self.groups[name][g]) for name in _COUNTERS}
+            result.append(
+                GroupTrajectory(
+                    self.plan.groups[g].name, method.name, method.degree, knots,
+                    coefficients[:, :, : method.degree + 1], self.initial[first : first + n], stats,
+                )
+            )  # fmt: skip
+            first += n
+        return tuple(result)
+
+    # ---- failures -------------------------------------------------------------------------------
+
+    def _failure(self, outcome: float) -> Status:
+        g = int(self.run["group"][0])
+        t, h = float(self.groups["t"][g]), float(self.groups["trial"][g])
+        state, line, finite = self._culprit(g)
+        where = f"group `{self.plan.groups[g].name}`, state `{state}`" + (f" (line {line})" if line else "")
+        if outcome == records.NOT_FINITE and not finite:
+            return Status("NOT_FINITE", f"the derivative of `{state}` is not a finite number at t = {t:.9g} s ({where})")
+        return Status(
+            "STEP_TOO_SMALL",
+            f"at t = {t:.9g} s the step of {where} had to become smaller than {h:.3g} s: "
+            "its derivative jumps or grows without bound there",
+        )
+
+    def _too_many(self, most: int) -> Status:
+        g = int(self.groups["steps"].argmax())
+        name = self.plan.groups[g].name
+        t = float(self.groups["t"][g])
+        return Status("TOO_MANY_STEPS", f"group `{name}` took more than {most} steps and is only at t = {t:.6g} s")
+
+    def _culprit(self, g: int) -> tuple[str, int, bool]:
+        """Name and line of the state that failed: one whose derivative is not finite there, else the largest relative derivative."""
+        t = float(self.groups["t"][g])
+        x = self._states_at(t, g)
+        dx = self.system.rhs(t, x)
+        first = self.system.offsets[self.plan.groups[g].nodes[0]]
+        own = slice(first, first + self.wiring[g].form.states)
+        bad = ~np.isfinite(dx[own]) | ~np.isfinite(x[own])
+        finite = not bad.any()
+        k = int(np.argmax(bad)) if not finite else int(np.argmax(np.abs(dx[own]) / (1.0 + np.abs(x[own]))))
+        for node in self.plan.groups[g].nodes:
+            kind = self.system.kind(node)
+            if k < len(kind.states):
+                path = self.plan.nodes[node].path
+                return (f"{path}.{kind.states[k]}" if path else kind.states[k]), kind.lines[k], finite
+            k -= len(kind.states)
+        raise AssertionError("no such state")
+
+    def _states_at(self, t: float, g: int) -> Floats:
+        """All states at the time of group g; later groups as far as they are known."""
+        parts = [np.asarray(tr(np.array([min(t, tr.knots[-1])])))[0] for tr in self.trajectories()]
+        x = np.concatenate(parts)
+        first = self.system.offsets[self.plan.groups[g].nodes[0]]
+        n = self.wiring[g].form.states
+        own = np.ctypeslib.as_array((ctypes.c_double * n).from_address(int(self.groups["x"][g])))
+        x[first : first + n] = own
+        return x
+
+
+def tighten(plan: Plan, wiring: Sequence[Wiring], per_edge: float, floor: float) -> list[float]:
+    """Factors on the tolerances: `per_edge` for each reading edge to the furthest reader, at least `floor`."""
+    depth = [0] * len(wiring)
+    for g in reversed(range(len(wiring))):
+        for upstream, _ in wiring[g].channels:
+            depth[upstream] = max(depth[upstream], depth[g] + 1)
+    return [max(per_edge**d, floor) for d in depth]
+
+
+Choices = Mapping[str, object]
