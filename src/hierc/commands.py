@@ -122,10 +122,10 @@ def _simulate(model: Model, arguments: Namespace) -> Result:
     start = settings.get("start", model.plan.experiment.settings.get("start", 0.0))
     with Progress(model.plan.name, start, stop, shown=not arguments.quiet) as progress:
         try:
-            return model.simulate(**settings, progress=progress)
+            return model.simulate(**settings, progress=progress, announce=None if arguments.quiet else say)
         except SimulationError as error:
             return error.result
-        except (ValueError, KeyError) as error:
+        except ValueError as error:  # a setting or parameter that does not fit
             raise UsageError(str(error)) from error
 
 
@@ -228,4 +228,4 @@ def _exit_code(result: Result) -> int:
     if result.status.ok:
         return OK
     say(f"hierc: stopped at {result.t_reached:g} s: {result.status.message}")
-    return INTERRUPTED if getattr(result.status, "name", "") == "INTERRUPTED" else NUMERICAL_FAILURE
+    return INTERRUPTED if result.status.name == "INTERRUPTED" else NUMERICAL_FAILURE

@@ -11,6 +11,8 @@ import pytest
 
 from hierc.runtime.contract import CONTRACT, Class, Experiment, Group, Node, Plan, Variable
 from hierc.runtime.result import Floats, GroupStats, Result, output_times
+from hierc.runtime.status import Status
+from hierc.runtime.trajectory import GroupTrajectory
 
 
 def nothing(*_: object) -> None:
@@ -76,18 +78,16 @@ def a_plan(experiment: Experiment | None = None) -> Plan:
     )
 
 
-@dataclass
-class Ended:
-    ok: bool = True
-    message: str = "reached the stop time"
+def steps(name: str, method: str, knots: list[float], **counters: int) -> GroupTrajectory:
+    nothing_between = np.zeros((len(knots) - 1, 0, 1))
+    return GroupTrajectory(name, method, 0, np.array(knots), nothing_between, np.zeros(0), counters)
 
 
-@dataclass
-class Steps:
-    name: str
-    method: str
-    knots: Floats
-    stats: dict[str, int]
+DONE = Status("DONE", "reached 2 s")
+TRAJECTORIES = (
+    steps("plan", "radau9", [0.0, 1.0, 2.0], steps=2, rejected=1, evaluations=30),
+    steps("dyn", "dop853", [0.0, 0.5, 0.6, 2.0], steps=3, rejected=0, evaluations=36),
+)
 
 
 @dataclass
@@ -98,13 +98,8 @@ class FakeRun:
     start: float = 0.0
     stop: float = 2.0
     t_reached: float = 2.0
-    status: Ended = field(default_factory=Ended)
-    groups: Sequence[Steps] = (
-        Steps("plan", "radau9", np.array([0.0, 1.0, 2.0]), {"steps": 2, "rejected": 1, "evaluations": 30}),
-        Steps(
-            "dyn", "dop853", np.array([0.0, 0.5, 0.6, 2.0]), {"steps": 3, "rejected": 0, "evaluations": 36}
-        ),
-    )
+    status: Status = DONE
+    groups: Sequence[GroupTrajectory] = TRAJECTORIES
     asked: list[tuple[str, ...]] = field(default_factory=list)
 
     def evaluate(self, paths: Sequence[str], t: Floats) -> Mapping[str, Floats]:
@@ -207,8 +202,8 @@ def test_statistics_of_each_group() -> None:
 
 
 def test_a_run_that_failed_at_once_still_has_its_start() -> None:
-    stuck = Steps("plan", "radau9", np.array([0.0]), {})
-    run = FakeRun(t_reached=0.0, status=Ended(ok=False, message="no step at 0 s"), groups=(stuck,))
+    stuck = steps("plan", "radau9", [0.0])
+    run = FakeRun(t_reached=0.0, status=Status("STEP_TOO_SMALL", "no step at 0 s"), groups=(stuck,))
     r = a_result(run, interval=None)
     assert r.t.tolist() == [0.0]
     assert r["cart.x"].tolist() == [0.0]
