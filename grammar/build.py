@@ -1,15 +1,12 @@
 """From lark's parse tree to the frozen tree of `tree.py`.
 
 In: a complete parse tree with positions. Out: the same as nodes, each with the exact span of its text and every doc
-comment at its item. Works bottom-up without recursion, so a sum of thousands of terms is no danger. Literals out of
-range are collected in `problems`; nothing else can be wrong here.
+comment at its item. Works bottom-up without recursion, so a sum of thousands of terms is no danger. Nothing can be wrong
+here: literals were checked when they were read.
 """
-
-# ruff: noqa: D102  (one method a rule of the grammar: the rule says what it is)
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,11 +14,8 @@ from lark import Token, Transformer_NonRecursive, Tree, v_args
 from lark.tree import Meta
 
 from hierc.grammar import tree
-from hierc.grammar.errors import NumberOutOfRange
-from hierc.grammar.problems import Problem
+from hierc.grammar.situation import span_of
 from hierc.grammar.source import SourceFile, Span
-
-LARGEST_INT = 2**53  # beyond it a float no longer tells neighbouring integers apart
 
 
 @v_args(inline=True, meta=True)
@@ -32,7 +26,6 @@ class TreeBuilder(Transformer_NonRecursive[Token, Any]):
         super().__init__(visit_tokens=False)
         self.source = source
         self.docs = docs
-        self.problems: list[Problem] = []
 
     # ---- helpers --------------------------------------------------------------------------------
 
@@ -40,10 +33,10 @@ class TreeBuilder(Transformer_NonRecursive[Token, Any]):
         return Span(self.source, meta.start_pos, meta.end_pos)
 
     def _name(self, token: Token) -> tree.Name:
-        return tree.Name(token_span(self.source, token), str(token))
+        return tree.Name(span_of(self.source, token), str(token))
 
     def _unit(self, token: Token | None) -> tree.Unit | None:
-        return None if token is None else tree.Unit(token_span(self.source, token), token[1:-1].strip())
+        return None if token is None else tree.Unit(span_of(self.source, token), token[1:-1].strip())
 
     def _doc(self, meta: Meta) -> str:
         return self.docs.get(meta.start_pos, "")
@@ -298,19 +291,13 @@ class TreeBuilder(Transformer_NonRecursive[Token, Any]):
         return tree.Cond(self._span(meta), condition, then, other)
 
     def binary(self, meta: Meta, left: tree.Expr, op: Token, right: tree.Expr) -> tree.Binary:
-        return tree.Binary(self._span(meta), _word(op), left, right, token_span(self.source, op))
+        return tree.Binary(self._span(meta), _word(op), left, right, span_of(self.source, op))
 
     def unary(self, meta: Meta, op: Token, operand: tree.Expr) -> tree.Unary:
         return tree.Unary(self._span(meta), _word(op), operand)
 
     def number(self, meta: Meta, token: Token, unit: Token | None) -> tree.Number:
-        value, is_int = float(token), token.isdigit()
-        if (
-            math.isinf(value)
-            or (is_int and value > LARGEST_INT)
-            or (value == 0 and _mantissa_is_positive(token))
-        ):
-            self.problems.append(NumberOutOfRange(token_span(self.source, token), str(token), value))
+        value, is_int = float(token), token.isdigit()  # in range, see `repairs.literal_problems`
         return tree.Number(self._span(meta), str(token), value, is_int, self._unit(unit))
 
     def boolean(self, meta: Meta, token: Token) -> tree.Bool:
@@ -344,19 +331,10 @@ class TreeBuilder(Transformer_NonRecursive[Token, Any]):
         return tree.Comprehension(self._span(meta), item, over)
 
 
-def build_items(
-    parsed: Tree[Token], source: SourceFile, docs: Mapping[int, str]
-) -> tuple[tuple[tree.Item, ...], list[Problem]]:
-    """The items of a file and the problems of its literals. `docs` maps the offset of an item to its doc text."""
-    builder = TreeBuilder(source, docs)
-    items: tuple[tree.Item, ...] = builder.transform(parsed)
-    return items, builder.problems
-
-
-def token_span(source: SourceFile, token: Token) -> Span:
-    """The span of a token of the text."""
-    start = token.start_pos or 0  # None only in tokens made by hand
-    return Span(source, start, start + len(token))
+def build_items(parsed: Tree[Token], source: SourceFile, docs: Mapping[int, str]) -> tuple[tree.Item, ...]:
+    """The items of a file. `docs` maps the offset of an item to its doc text."""
+    items: tuple[tree.Item, ...] = TreeBuilder(source, docs).transform(parsed)
+    return items
 
 
 def unquoted(token: Token) -> str:
@@ -373,7 +351,3 @@ def _word(token: Token) -> Any:
 def _present(nodes: tuple[tree.Expr | None, ...]) -> tuple[tree.Expr, ...]:
     """Without the None that stands for an omitted list."""
     return tuple(node for node in nodes if node is not None)
-
-
-def _mantissa_is_positive(number: str) -> bool:
-    return any(digit in "123456789" for digit in number.lower().partition("e")[0])

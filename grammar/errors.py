@@ -1,13 +1,96 @@
-"""Problems of the text and its syntax (E1xx), and of reading files. Wording only; `recovery.py` decides which applies."""
-
-# ruff: noqa: D102  (the methods are those of `Problem`)
+"""Problems of the text and its syntax (E1xx), and of reading files (E907). Wording only: `repairs.py` decides which applies."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from hierc.grammar.problems import Problem
+from hierc.grammar.problems import Label, Problem
+from hierc.grammar.source import Span
+
+# ---- characters and literals --------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class UnexpectedCharacter(Problem):
+    code = "E101"
+    explanation = "Signs that the language does not use stand only in comments, strings and units."
+
+    text: str
+    advice: tuple[str, ...] = ()
+
+    def title(self) -> str:
+        if len(self.text) == 1:
+            return f"unexpected character {quoted(self.text)}"
+        return f"unexpected characters {quoted(self.text)}"
+
+    def help(self) -> tuple[str, ...]:
+        return self.advice
+
+
+@dataclass(frozen=True)
+class StrangeName(Problem):
+    code = "E106"
+    explanation = "Letters beyond ASCII are easily confused, and some tools silently change them."
+
+    def title(self) -> str:
+        return "names are made of ASCII letters, digits and `_`"
+
+
+@dataclass(frozen=True)
+class ReservedWord(Problem):
+    code = "E102"
+    explanation = (
+        "The words of the language are reserved everywhere, so that a model reads the same in every place."
+    )
+
+    word: str
+
+    def title(self) -> str:
+        return f"`{self.word}` is a reserved word and cannot be used as a name here"
+
+    def help(self) -> tuple[str, ...]:
+        return (f"rename it, for example `{self.word}_`",)
+
+
+@dataclass(frozen=True)
+class UnclosedString(Problem):
+    code = "E103"
+    explanation = "A string ends on the line it begins on."
+
+    def title(self) -> str:
+        return "string is not closed on this line"
+
+
+@dataclass(frozen=True)
+class NumberWithoutDigit(Problem):
+    code = "E104"
+    explanation = (
+        "A digit stands on both sides of a decimal point, so that the range `1..N` is never misread."
+    )
+
+    written: str
+    digit_is_missing_before: bool
+
+    def title(self) -> str:
+        return f"a number needs a digit {'before' if self.digit_is_missing_before else 'after'} the decimal point"
+
+    def help(self) -> tuple[str, ...]:
+        if self.digit_is_missing_before:
+            return (f"write `0{self.written}`",)
+        return (f"write `{self.written.replace('.', '.0', 1)}`",)
+
+
+@dataclass(frozen=True)
+class UnclosedComment(Problem):
+    code = "E105"
+    explanation = "A comment `/*` ends at the next `*/`; comments do not nest."
+
+    def title(self) -> str:
+        return "comment opened here is never closed"
+
+    def help(self) -> tuple[str, ...]:
+        return ("add `*/`",)
 
 
 @dataclass(frozen=True)
@@ -22,15 +105,205 @@ class NumberOutOfRange(Problem):
 
     def title(self) -> str:
         if math.isinf(self.value):
-            return f"the number `{clipped(self.text)}` is too large"
+            return f"the number {quoted(self.text)} is too large"
         if self.value == 0:
-            return f"the number `{clipped(self.text)}` is too small to tell from zero"
-        return f"the integer `{clipped(self.text)}` is too large to be kept exactly"
+            return f"the number {quoted(self.text)} is too small to tell from zero"
+        return f"the integer {quoted(self.text)} is too large to be kept exactly"
 
     def help(self) -> tuple[str, ...]:
         if 0 < self.value < math.inf:
             return (f"write `{self.value!r}` for a real number",)
         return ()
+
+
+# ---- syntax -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class UnexpectedToken(Problem):
+    """The general form. `expected` is in words and empty where the token is only in the way; so is `after` at the start."""
+
+    code = "E110"
+    explanation = "The text does not follow the grammar at this place."
+
+    expected: str
+    after: str
+    found: str
+    advice: tuple[str, ...] = ()
+    opener: Span | None = None
+
+    def title(self) -> str:
+        expected = f"expected {self.expected}" if self.expected else f"unexpected {self.found}"
+        after = f" after {quoted(self.after)}" if self.after else ""
+        found = f", found {self.found}" if self.expected else ""
+        return expected + after + found
+
+    def labels(self) -> tuple[Label, ...]:
+        return () if self.opener is None else (Label(self.opener, "opened here"),)
+
+    def help(self) -> tuple[str, ...]:
+        return self.advice
+
+
+@dataclass(frozen=True)
+class MissingSemicolon(Problem):
+    code = "E111"
+    explanation = "Every statement ends with `;`; line breaks mean nothing."
+
+    def title(self) -> str:
+        return "missing `;`"
+
+    def remark(self) -> str:
+        return "add `;` here"
+
+
+@dataclass(frozen=True)
+class UnclosedBrace(Problem):
+    code = "E112"
+    explanation = "Every `{` needs a `}` of its own."
+
+    seen: Span
+    seen_as: str
+
+    def title(self) -> str:
+        return "`{` opened here is never closed"
+
+    def labels(self) -> tuple[Label, ...]:
+        return (Label(self.seen, self.seen_as),)
+
+
+@dataclass(frozen=True)
+class AssignmentSign(Problem):
+    code = "E113"
+    explanation = (
+        "`=` states what holds always; `:=` is done once or joins an input, so the two never look alike."
+    )
+
+    subject: str
+    sign: str
+
+    def title(self) -> str:
+        other = (
+            "`==` compares"
+            if self.sign == "=="
+            else "`:=` is for `do` and `sample` assignments and couplings"
+        )
+        return f"{self.subject} use `=`; {other}"
+
+
+@dataclass(frozen=True)
+class EquationSign(Problem):
+    code = "E114"
+    explanation = (
+        "`=` states what holds always; `:=` is done once or joins an input, so the two never look alike."
+    )
+
+    def title(self) -> str:
+        return "assignments and couplings use `:=`"
+
+
+@dataclass(frozen=True)
+class MisplacedUnit(Problem):
+    code = "E115"
+    explanation = "The unit of an expression follows from its parts."
+
+    def title(self) -> str:
+        return "a unit may follow only a number or a declared name"
+
+    def help(self) -> tuple[str, ...]:
+        return ("multiply: `(a + b)*1 [1/s]`, or give the numbers their own units",)
+
+
+@dataclass(frozen=True)
+class ChainedComparison(Problem):
+    code = "E116"
+    explanation = "A comparison is true or false, and truth is not compared with a number."
+
+    instead: str
+
+    def title(self) -> str:
+        return "comparisons do not chain"
+
+    def help(self) -> tuple[str, ...]:
+        return (f"write `{self.instead}`",)
+
+
+@dataclass(frozen=True)
+class NestedTooDeeply(Problem):
+    code = "E118"
+    explanation = "A limit keeps every tool that reads the model safe from texts made to exhaust it."
+
+    limit: int
+
+    def title(self) -> str:
+        return f"this is nested more than {self.limit} deep"
+
+    def help(self) -> tuple[str, ...]:
+        return ("name inner parts with `let`",)
+
+
+# ---- habits of other languages ------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class CharonDerivative(Problem):
+    code = "E190"
+    explanation = "CHARON writes `d(x) == v`; here a derivative is `x'`, and equations use `=`."
+
+    variable: str
+
+    def title(self) -> str:
+        return f"`d({self.variable}) == …` is CHARON's form"
+
+    def help(self) -> tuple[str, ...]:
+        return (f"write `{self.variable}' = …;`",)
+
+
+@dataclass(frozen=True)
+class CharonControlPoint(Problem):
+    code = "E191"
+    explanation = (
+        "CHARON's modes have entry and exit points; here a mode is entered whole or at one of its submodes."
+    )
+
+    def title(self) -> str:
+        return "`entry`/`exit` points are not part of hierc"
+
+    def help(self) -> tuple[str, ...]:
+        return ("use `init mode` and `trans from … to …`",)
+
+
+@dataclass(frozen=True)
+class ModelicaForm(Problem):
+    code = "E192"
+    explanation = "Modelica's acausal connectors and classes have no counterpart: data flow here has a direction, and levels an order."
+
+    word: str
+    instead: str
+
+    def title(self) -> str:
+        return f"`{self.word}` is Modelica"
+
+    def help(self) -> tuple[str, ...]:
+        return (self.instead,)
+
+
+@dataclass(frozen=True)
+class CharonForm(Problem):
+    code = "E193"
+    explanation = "A variable is written by its own agent only, and agents are joined by couplings."
+
+    word: str
+    instead: str
+
+    def title(self) -> str:
+        return f"`{self.word}` is CHARON's and not part of hierc"
+
+    def help(self) -> tuple[str, ...]:
+        return (self.instead,)
+
+
+# ---- files --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -49,6 +322,6 @@ class UnreadableFile(Problem):
         return self.advice
 
 
-def clipped(text: str, limit: int = 40) -> str:
-    """`text`, its middle left out where it is too long for a message."""
-    return text if len(text) <= limit else f"{text[: limit // 2]}…{text[-limit // 4 :]}"
+def quoted(text: str, limit: int = 40) -> str:
+    """`text` between backquotes, its middle left out where it is too long for a message."""
+    return f"`{text}`" if len(text) <= limit else f"`{text[: limit // 2]}…{text[-limit // 4 :]}`"

@@ -16,19 +16,19 @@ from lark.lexer import PatternRE, TerminalDef
 
 from hierc.grammar import tree
 from hierc.grammar.build import build_items
-from hierc.grammar.problems import ModelError
+from hierc.grammar.problems import ModelError, in_source_order
+from hierc.grammar.recovery import RecoveringParser, words_of
 from hierc.grammar.source import SourceFile, Span
 
 
 def parse(source: SourceFile) -> tree.File:
     """The syntax tree of `source`. Raises ModelError with all syntax problems, in source order."""
-    interactive = _lark().parse_interactive(source.text)
-    tokens = list(interactive.iter_parse())
-    parsed = interactive.feed_token(Token("$END", ""))
-    comments = tuple(_comments(source, tokens))
-    items, problems = build_items(parsed, source, _docs(source, comments))
-    if problems:
-        raise ModelError(problems)
+    reading = RecoveringParser(_lark(), source)
+    parsed = reading.run()
+    if parsed is None:
+        raise ModelError(in_source_order(reading.problems))
+    comments = tuple(_comments(source, reading.tokens))
+    items = build_items(parsed, source, _docs(source, comments))
     return tree.File(Span(source, 0, len(source.text)), source, items, comments)
 
 
@@ -39,18 +39,14 @@ def _lark() -> Lark:
     return Lark(grammar, parser="lalr", propagate_positions=True, edit_terminals=whole_words)
 
 
+#: These may stand beside a name. There lark reads a name first and then looks what it is, so they keep their plain pattern.
+BESIDE_NAMES = frozenset({"RECORD", "SAVE", "HISTORY", "EACH"})
+
+
 def whole_words(terminal: TerminalDef) -> None:
-    """Let a word end where it ends, so that `integer` is never read as `int eger`.
-
-    Words that are names elsewhere are matched as names first where both may stand; they keep their plain pattern.
-    """
-    pattern = terminal.pattern.to_regexp()
-    if re.fullmatch(r"[a-z]+|\(\?:[a-z|]+\)", pattern) and terminal.name not in CONTEXT_WORDS:
-        terminal.pattern = PatternRE(pattern + r"\b")
-
-
-#: Words only where they may stand beside a name that means something else.
-CONTEXT_WORDS = frozenset({"RECORD", "SAVE", "HISTORY", "EACH"})
+    """Let a word end where it ends, so that `integer` is never read as `int eger`."""
+    if words_of(terminal) and terminal.name not in BESIDE_NAMES:
+        terminal.pattern = PatternRE(terminal.pattern.to_regexp() + r"\b")
 
 
 def _comments(source: SourceFile, tokens: Sequence[Token]) -> Iterator[tree.Comment]:

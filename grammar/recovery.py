@@ -1,0 +1,215 @@
+"""Parsing that goes on after an error, so that one run reports every syntax problem.
+
+In: lark's parser and a text. Out: lark's parse tree and tokens, or problems. At an error, `repairs.py` says what is
+wrong and how the text could go on: tokens to put in, text to leave out. Where it cannot say, the statement is given up: the
+parser's stack is cut back to the block around it and the text skipped to its end. An error right after a
+repair is taken for its echo and not reported.
+
+Each recovery either takes in text or makes the next token acceptable, so the loop ends.
+"""
+
+from __future__ import annotations
+
+import re
+from copy import copy
+from itertools import pairwise
+
+from lark import Lark, Token, Tree, UnexpectedCharacters, UnexpectedToken
+from lark.lexer import LexerState, TerminalDef
+from lark.parsers.lalr_parser_state import ParserState
+
+from hierc.grammar import repairs
+from hierc.grammar.errors import NestedTooDeeply, UnclosedComment
+from hierc.grammar.problems import Problem
+from hierc.grammar.situation import Situation, span_of
+from hierc.grammar.source import SourceFile, Span
+from hierc.grammar.words import END, JUNK
+
+DEEPEST = 128  # nesting of brackets, blocks and prefix operators
+MOST_PROBLEMS = 100  # after so many, the file is something else than a model
+ECHO = 2  # tokens
+
+#: Tokens that wait on the parser's stack for what they open. Chains such as `x + x + …` do not grow the stack.
+_OPENERS = frozenset({"LPAR", "LSQB", "LBRACE", "NOT", "POW", "IF", "THEN", "ELSE"})
+
+_STOPS = re.compile(
+    r"""//[^\n]* | /\*[\s\S]*?(?:\*/|\Z) | "(?:\\.|[^"\\\n])*" | [{};] | [A-Za-z_]\w* | .""",
+    re.VERBOSE | re.DOTALL,
+)
+
+
+class RecoveringParser:
+    """One run over one text. `tokens` are those of the text, `problems` in the order found."""
+
+    def __init__(self, lark: Lark, source: SourceFile) -> None:
+        self.source = source
+        self.tokens: list[Token] = []
+        self.problems: list[Problem] = []
+        interactive = lark.parse_interactive(source.text)
+        self._state: ParserState[int] = interactive.parser_state
+        self._lexer = interactive.lexer_thread.lexer
+        assert interactive.lexer_thread.state is not None
+        self._lexing: LexerState = interactive.lexer_thread.state
+        self._comment = re.compile(lark.get_terminal("COMMENT").pattern.to_regexp())
+        self._vocabulary = {word: terminal.name for terminal in lark.terminals for word in words_of(terminal)}
+        self._done = False
+        self._since_repair = ECHO
+
+    def run(self) -> Tree[Token] | None:
+        """Read the whole text. The parse tree, or None where there are problems."""
+        result: Tree[Token] | None = None
+        while not self._done and len(self.problems) < MOST_PROBLEMS:
+            try:
+                for token in self._lexer.lex(self._lexing, self._state):
+                    self._shift(token)
+                result = self._finish()
+            except UnexpectedToken as error:
+                self._recover(error.token)
+            except UnexpectedCharacters:
+                start = self._lexing.line_ctr.char_pos
+                self._recover(Token(JUNK, self.source.text[start], start))
+            except _TooDeep:
+                break
+        return None if self.problems else result
+
+    # ---- reading --------------------------------------------------------------------------------
+
+    def _shift(self, token: Token) -> None:
+        self._state.feed_token(token)
+        self.tokens.append(token)
+        self._since_repair += 1
+        if token.type == "NUMBER":
+            self.problems.extend(repairs.literal_problems(self.source, token))
+        if len(self._state.value_stack) > DEEPEST and self._nesting() > DEEPEST:
+            self.problems.append(NestedTooDeeply(span_of(self.source, token), DEEPEST))
+            raise _TooDeep
+
+    def _finish(self) -> Tree[Token] | None:
+        self._done = True
+        if comment := self._unclosed_comment():
+            self.problems.append(UnclosedComment(comment))
+            return None
+        result: Tree[Token] = self._state.feed_token(Token(END, "", len(self.source.text)), is_end=True)
+        return result
+
+    def _nesting(self) -> int:
+        """How many brackets, blocks and prefix operators are open."""
+        values = self._state.value_stack
+        kinds = [value.type if isinstance(value, Token) else "" for value in values]
+        signs = sum(kind == "ADD" and below != "" for below, kind in pairwise(kinds))
+        return signs + sum(kind in _OPENERS for kind in kinds)
+
+    def _go_on_at(self, offset: int) -> None:
+        self._lexing.line_ctr.char_pos = offset
+
+    # ---- recovering -----------------------------------------------------------------------------
+
+    def _recover(self, found: Token) -> None:
+        """Report what is wrong at `found`, unless it echoes the last error, and get the parser going again."""
+        repair = repairs.choose(self._situation(found))
+        echo = self._since_repair < ECHO
+        if not echo or repair.sure:
+            self.problems.append(repair.problem)
+        if self._done:
+            return
+        if repair.insert is None:
+            self._give_up_statement(repair.resume, whole_file=repair.closes_blocks)
+        elif echo and not repair.sure:
+            self._give_up_statement(found.start_pos or 0)
+        else:
+            for terminal in repair.insert:
+                self._state.feed_token(Token.new_borrow_pos(terminal, "", found))
+            self._go_on_at(repair.resume)
+            self._since_repair = ECHO if repair.sure else 0
+
+    def _situation(self, found: Token) -> Situation:
+        values = self._state.value_stack
+        return Situation(
+            self.source,
+            self.tokens,
+            found,
+            frozenset(
+                t
+                for t in self._state.parse_conf.states[self._state.position]
+                if t.isupper() and self._fits(t)
+            ),
+            tuple(v for v in values if isinstance(v, Token)),
+            tuple(values[-3:]),
+            self._vocabulary,
+            self._fits,
+        )
+
+    def _fits(self, *terminals: str) -> bool:
+        """Whether the parser could read these terminals now."""
+        probe = self._state.copy(deepcopy_values=False)
+        probe.parse_conf = copy(self._state.parse_conf)
+        probe.parse_conf.callbacks = {}
+        try:
+            for terminal in terminals:
+                probe.feed_token(Token(terminal, ""), is_end=terminal == END)
+        except UnexpectedToken:
+            return False
+        return True
+
+    def _unclosed_comment(self) -> Span | None:
+        start = self.tokens[-1].end_pos if self.tokens else 0
+        for match in self._comment.finditer(self.source.text, start or 0):
+            if match.group().startswith("/*") and (
+                len(match.group()) < 4 or not match.group().endswith("*/")
+            ):
+                return Span(self.source, match.start(), match.start() + 2)
+        return None
+
+    # ---- giving up a statement ------------------------------------------------------------------
+
+    def _give_up_statement(self, start: int, *, whole_file: bool = False) -> None:
+        """Cut the stack back to a place where a statement may begin, and skip to where one may."""
+        state = self._state
+        while len(state.state_stack) > 1 and not (
+            self._fits(END) or (not whole_file and self._fits("RBRACE"))
+        ):
+            del state.state_stack[-1], state.value_stack[-1]
+        self._go_on_at(self._skip(start))
+        self._since_repair = ECHO
+
+    def _skip(self, start: int) -> int:
+        """The offset behind the statement around `start`: behind its `;` or `}`, or where the next one begins."""
+        depth = 0
+        for match in _STOPS.finditer(self.source.text, start):
+            text = match.group()
+            if text == "{":
+                depth += 1
+            elif text == "}" and depth == 0 and self._fits("RBRACE"):
+                return match.start()
+            elif text == "}":
+                depth -= 1
+                if depth <= 0:
+                    return match.end()
+            elif text == ";" and depth == 0:
+                return match.end()
+            elif text.isalpha() and depth == 0 and self._begins_statement(match.start()):
+                return match.start()
+        return len(self.source.text)
+
+    def _begins_statement(self, offset: int) -> bool:
+        """Whether a word at `offset` is the first of its line and one that begins a statement here."""
+        line = self.source.text.rfind("\n", 0, offset) + 1
+        if not self.source.text[line:offset].isspace() and line != offset:
+            return False
+        lexing = copy(self._lexing)
+        lexing.line_ctr.char_pos = offset
+        try:
+            token = next(self._lexer.lex(lexing, self._state))
+        except (UnexpectedToken, UnexpectedCharacters):
+            return False
+        return token.type != "NAME" and self._fits(token.type)
+
+
+def words_of(terminal: TerminalDef) -> list[str]:
+    """The words that a terminal stands for; none for signs, names and literals."""
+    pattern = terminal.pattern.to_regexp().removesuffix(r"\b")
+    return re.findall(r"[a-z]+", pattern) if re.fullmatch(r"[a-z]+|\(\?:[a-z|]+\)", pattern) else []
+
+
+class _TooDeep(Exception):
+    """The nesting limit was reached; what follows is not read."""

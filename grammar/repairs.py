@@ -1,0 +1,411 @@
+"""What is wrong at a syntax error, and how the text could go on.
+
+In: a `Situation`, the parser's state around the token it cannot take. Out: a `Repair`, a problem in the user's terms with
+the tokens to put in, or none where the statement is to be given up. The rules are tried from the particular to the
+general; each looks at the text, not at parser internals, and asks the parser only "could you read this now?".
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator
+
+from lark import Token, Tree
+
+from hierc.grammar import errors, words
+from hierc.grammar.problems import Problem, closest
+from hierc.grammar.situation import CLOSERS, Repair, Situation, span_of
+from hierc.grammar.source import SourceFile, Span
+from hierc.grammar.words import END, JUNK
+
+LARGEST_INT = 2**53  # beyond it a float no longer tells neighbouring integers apart
+
+
+Rule = Callable[[Situation], Repair | None]
+
+
+def choose(at: Situation) -> Repair:
+    """The first rule that applies; the last one always does."""
+    for rule in RULES:
+        if repair := rule(at):
+            return repair
+    return Repair(_general(at), None, at.start)
+
+
+def literal_problems(source: SourceFile, token: Token) -> Iterator[Problem]:
+    """Whether a number can be held as written."""
+    value = float(token)
+    vanishes = value == 0 and re.search("[1-9]", re.split("[eE]", token)[0]) is not None
+    if math.isinf(value) or vanishes or (token.isdigit() and value > LARGEST_INT):
+        yield errors.NumberOutOfRange(span_of(source, token), str(token), value)
+
+
+# ---- characters and literals --------------------------------------------------------------------
+
+_OTHER_SIGNS = {
+    "&&": "write `and`",
+    "||": "write `or`",
+    "&": "write `and`",
+    "|": "write `or`",
+    "!": "write `not`",
+    "%": "write `mod(a, b)`",
+    "#": "comments begin with `//`",
+    "\\": "division is written `/`",
+}
+
+
+def _unclosed_string(at: Situation) -> Repair | None:
+    if at.found.type != JUNK or at.found != '"':
+        return None
+    line = at.matched(r"[^\n]*")
+    stop = line.end() if line else at.stop
+    insert = ("STRING",) if at.fits("STRING") else None
+    return Repair(errors.UnclosedString(Span(at.source, at.start, stop)), insert, stop)
+
+
+def _strange_characters(at: Situation) -> Repair | None:
+    if at.found.type != JUNK:
+        return None
+    if at.found.isalpha():
+        return _strange_name(at)
+    match = at.matched(r"&&|\|\||[^\x21-\x7e\s\w]+|.")
+    stop = match.end() if match else at.stop
+    text = at.source.text[at.start : stop]
+    advice = (_OTHER_SIGNS[text],) if text in _OTHER_SIGNS else ()
+    problem = errors.UnexpectedCharacter(Span(at.source, at.start, stop), text, advice)
+    return Repair(problem, ("ADD",) if at.fits("ADD") and text in _OTHER_SIGNS else (), stop)
+
+
+def _strange_name(at: Situation) -> Repair:
+    """A word with letters beyond ASCII, of which the beginning may have been read as a name."""
+    previous = at.previous
+    start = at.start
+    if previous and previous.type == "NAME" and previous.end_pos == start:
+        start = previous.start_pos or 0
+    match = at.matched(r"\w+", start)
+    stop = match.end() if match else at.stop
+    problem = errors.StrangeName(Span(at.source, start, stop))
+    return Repair(problem, ("NAME",) if at.fits("NAME") else (), stop)
+
+
+def _number_without_digit(at: Situation) -> Repair | None:
+    if at.found.type != "DOT":
+        return None
+    if (match := at.matched(r"\.[0-9]+([eE][+-]?[0-9]+)?")) and at.fits("NUMBER"):
+        place = Span(at.source, *match.span())
+        return Repair(
+            errors.NumberWithoutDigit(place, match.group(), True), ("NUMBER",), match.end(), sure=True
+        )
+    previous = at.previous
+    if previous and previous.type == "NUMBER" and previous.end_pos == at.start:
+        match = at.matched(r"\.([eE][+-]?[0-9]+)?")
+        place = Span(at.source, previous.start_pos or 0, match.end() if match else at.stop)
+        return Repair(errors.NumberWithoutDigit(place, place.text, False), (), place.stop, sure=True)
+    return None
+
+
+# ---- habits of other languages ------------------------------------------------------------------
+
+_MODELICA = {
+    "connect": "write a coupling where the agent is used: `agent b = B() [input := a.output];`",
+    "extends": "write the other agent's text here, or contain it: `agent part = Part();`",
+    "der": "write `x' = …;` under `diff`",
+    "equation": "write equations under `diff { … }` and `alge { … }`",
+    "model": "write `agent Name() { … }`",
+    "parameter": "write parameters in parentheses: `agent Name(real k = 1) { … }`",
+}
+_CHARON = {
+    "readWrite": "declare it `write` in one agent, `read` in the others",
+    "chan": "couple agents by `[input := a.output]`",
+}
+
+
+def _derivative_call(at: Situation) -> Repair | None:
+    previous = at.previous
+    if previous is None or previous not in ("d", "der") or not at.fits("PRIME", "_EQUAL"):
+        return None
+    match = at.matched(r"(d|der)\s*\(\s*([A-Za-z_]\w*)\s*\)\s*==?", previous.start_pos)
+    if match is None:
+        return None
+    place = Span(at.source, *match.span())
+    if previous == "d":
+        return Repair(errors.CharonDerivative(place, match[2]), ("PRIME", "_EQUAL"), match.end(), sure=True)
+    problem = errors.ModelicaForm(place, "der", f"write `{match[2]}' = …;`")
+    return Repair(problem, ("PRIME", "_EQUAL"), match.end(), sure=True)
+
+
+def _foreign_word(at: Situation) -> Repair | None:
+    previous = at.previous
+    begins = previous is None or previous.type in ("SEMICOLON", "LBRACE", "RBRACE")
+    word = str(at.found)
+    if not begins and word != "extends":
+        return None
+    if word in ("entry", "exit"):
+        return Repair(errors.CharonControlPoint(at.place), None, at.start)
+    if word in _MODELICA:
+        problem = errors.ModelicaForm(at.place, word, _MODELICA[word])
+        return _on_to_the_brace(at, problem) or Repair(problem, None, at.start)
+    if word in _CHARON:
+        return Repair(errors.CharonForm(at.place, word, _CHARON[word]), None, at.start)
+    return None
+
+
+# ---- signs --------------------------------------------------------------------------------------
+
+
+def _equals_signs(at: Situation) -> Repair | None:
+    if at.found in (":=", "==") and at.fits("_EQUAL"):
+        return Repair(
+            errors.AssignmentSign(at.place, _subject(at), str(at.found)), ("_EQUAL",), at.stop, sure=True
+        )
+    if at.found in ("=", "==") and at.fits("_ASSIGN"):
+        return Repair(errors.EquationSign(at.place), ("_ASSIGN",), at.stop, sure=True)
+    return None
+
+
+def _subject(at: Situation) -> str:
+    """What the statement around is called, in the plural."""
+    if at.innermost("LPAR"):
+        return "parameters and arguments"
+    kinds = [token.type for token in at.pending]
+    statement = kinds[max((i for i, kind in enumerate(kinds) if kind == "LBRACE"), default=-1) + 1 :]
+    if "LET" in statement or "CONST" in statement or "FUNC" in statement:
+        return "definitions"
+    if "ACCESS" in statement:
+        return "initial values"
+    return "settings" if "EXPERIMENT" in kinds else "equations"
+
+
+def _primes(at: Situation) -> Repair | None:
+    previous = at.previous
+    if previous is None:
+        return None
+    if at.found.type == "_EQUAL" and at.fits("PRIME", "_EQUAL"):
+        advice = (f"write `{previous}' = …;`", "an equation without a derivative belongs under `alge`")
+        return Repair(_general(at, advice), ("PRIME",), at.start)
+    if at.found.type == "PRIME" and at.fits("_EQUAL") and at.matched(r"'\s*="):
+        return Repair(_general(at, ("derivatives belong under `diff`",)), (), at.stop)
+    return None
+
+
+def _power_sign(at: Situation) -> Repair | None:
+    previous = at.previous
+    if previous is None or not previous == at.found == "*" or previous.end_pos != at.start:
+        return None
+    return Repair(_general(at, ("a power is written `^`",)), (), at.stop, sure=True)
+
+
+def _misplaced_unit(at: Situation) -> Repair | None:
+    if at.found.type != "UNIT" or at.previous is None:
+        return None
+    if at.previous.type not in ("RPAR", "RSQB", "PRIME", "TIME", "BOOL") or re.search(r":=|,|=", at.found):
+        return None
+    return Repair(errors.MisplacedUnit(at.place), (), at.stop, sure=True)
+
+
+def _chained_comparison(at: Situation) -> Repair | None:
+    if at.found.type != "CMP" or len(at.operands) < 3 or "AND" not in at.accepts:
+        return None
+    left, sign, _ = at.operands
+    if not (isinstance(left, Tree) and isinstance(sign, Token) and sign.type == "CMP"):
+        return None
+    begin, split = getattr(left.meta, "container_start_pos", left.meta.start_pos), sign.start_pos or 0
+    text = at.source.text
+    middle = text[split + len(sign) : at.start].strip()
+    follows = at.matched(r"\s*([\w.']+)", at.stop)
+    right = follows[1] if follows else "…"
+    instead = f"{text[begin:split].strip()} {sign} {middle} and {middle} {at.found} {right}"
+    problem = errors.ChainedComparison(at.place, " ".join(instead.split()))
+    return Repair(problem, ("ADD",) if at.fits("ADD") else None, at.stop)
+
+
+# ---- blocks -------------------------------------------------------------------------------------
+
+
+def _unclosed_at_end(at: Situation) -> Repair | None:
+    braces = [token for token in at.open_brackets if token.type == "LBRACE"]
+    if at.found.type != END or not braces:
+        return None
+    last = len(at.source.text.rstrip())
+    brace = _outdented(at) or braces[-1]
+    seen = Span(at.source, last, last)
+    return Repair(errors.UnclosedBrace(span_of(at.source, brace), seen, "the file ends here"), None, at.start)
+
+
+def _outdented(at: Situation) -> Token | None:
+    """The first `{` that was closed by a `}` standing further left: most likely its own is missing."""
+    stack: list[Token] = []
+    for token in at.before:
+        if token.type == "LBRACE":
+            stack.append(token)
+        elif token.type == "RBRACE" and stack:
+            brace = stack.pop()
+            if _begins_line(at.source, token) and _indent(at.source, token) < _indent(at.source, brace):
+                return brace
+    return None
+
+
+def _unclosed_at_definition(at: Situation) -> Repair | None:
+    """A definition inside an agent: the agent was not closed."""
+    braces = [token for token in at.open_brackets if token.type == "LBRACE"]
+    if not braces:
+        return None
+    start: int | None = None
+    if at.found.type in ("EXPERIMENT", "IMPORT", "FUNC", "EXTERN") and at.is_first_on_line:
+        start = at.start
+    elif at.found.type == "LPAR" and len(at.before) > 1 and at.before[-2].type == "AGENT":
+        start = at.before[-2].start_pos
+        if not at.matched(r"agent\s+\w+\s*\([^{};]*\)\s*\{", start):
+            return None
+    if start is None:
+        return None
+    match = at.matched(r"\w+", start)
+    seen = Span(at.source, start, match.end() if match else start)
+    problem = errors.UnclosedBrace(
+        span_of(at.source, _outdented(at) or braces[-1]), seen, "this cannot stand inside it"
+    )
+    return Repair(problem, None, start, closes_blocks=True)
+
+
+def _unclosed_at_outdent(at: Situation) -> Repair | None:
+    """A statement of the block outside, no further right than the line that opened the block inside."""
+    brace = at.innermost("LBRACE")
+    if brace is None or not at.is_word or not at.is_first_on_line or not at.goes_on_after("RBRACE"):
+        return None
+    if _indent(at.source, at.found) > _indent(at.source, brace):
+        return None
+    problem = errors.UnclosedBrace(span_of(at.source, brace), at.place, "this cannot stand inside it")
+    return Repair(problem, ("RBRACE",), at.start)
+
+
+def _indent(source: SourceFile, token: Token) -> int:
+    text = source.line(source.position(token.start_pos or 0)[0])
+    return len(text) - len(text.lstrip())
+
+
+def _begins_line(source: SourceFile, token: Token) -> bool:
+    return _indent(source, token) == source.position(token.start_pos or 0)[1] - 1
+
+
+# ---- words --------------------------------------------------------------------------------------
+
+_SIGNS = {
+    ";": "SEMICOLON",
+    ",": "COMMA",
+    "=": "_EQUAL",
+    ":=": "_ASSIGN",
+    "(": "LPAR",
+    ")": "RPAR",
+    "[": "LSQB",
+    "]": "RSQB",
+    "{": "LBRACE",
+    "'": "PRIME",
+    ".": "DOT",
+    "+": "ADD",
+    "-": "ADD",
+    "*": "MUL",
+    "/": "MUL",
+}
+
+
+def _reserved_word(at: Situation) -> Repair | None:
+    """A word of the language where a name would fit, followed by something that may follow a name."""
+    if at.found.type == "NAME" or not at.is_word:
+        return None
+    follows = at.matched(r"\s*(:=|.)", at.stop)
+    sign = _SIGNS.get(follows[1], "") if follows else ""
+    if not (at.fits("NAME", sign) or (sign == "LSQB" and at.fits("NAME", "UNIT"))):
+        return None
+    return Repair(errors.ReservedWord(at.place, str(at.found)), ("NAME",), at.stop, sure=True)
+
+
+def _missing_semicolon(at: Situation) -> Repair | None:
+    previous = at.previous
+    if previous is None or not at.fits("SEMICOLON"):
+        return None
+    last = previous.end_pos or 0
+    ends = at.found.type in ("RBRACE", END) or at.is_word or "\n" in at.source.text[last : at.start]
+    if not ends or not (at.goes_on_after("SEMICOLON") or at.found.type == END):
+        return None
+    return Repair(errors.MissingSemicolon(Span(at.source, last, last)), ("SEMICOLON",), at.start)
+
+
+def _misspelt_word(at: Situation) -> Repair | None:
+    if at.found.type != "NAME" or len(at.found) < 3:
+        return None
+    accepted = {word: terminal for word, terminal in at.vocabulary.items() if terminal in at.accepts}
+    if (word := closest(str(at.found), accepted)) is None:
+        return None
+    return Repair(_general(at, (f"did you mean `{word}`?",)), (accepted[word],), at.stop)
+
+
+# ---- the general form ---------------------------------------------------------------------------
+
+_INSERTIONS = (("LPAR", "RPAR"), ("RPAR", "SEMICOLON"), ("RSQB", "SEMICOLON"))
+
+
+def _in_the_way(at: Situation) -> Repair | None:
+    """A sign that nothing asks for: a second `;`, a bracket that closes nothing."""
+    kind = at.found.type
+    closes_nothing = kind in CLOSERS and all(b.type != CLOSERS[kind] for b in at.open_brackets)
+    ends_nothing = kind == "SEMICOLON" and words.begins_statement(at.accepts)
+    if not (closes_nothing or ends_nothing):
+        return None
+    after = "" if at.previous is None else str(at.previous)
+    problem = errors.UnexpectedToken(at.place, "", after, words.found(kind, at.found), ("remove it",))
+    return Repair(problem, (), at.stop)
+
+
+def _left_out(at: Situation) -> Repair | None:
+    """One or two tokens that would let the text go on."""
+    if words.begins_statement(at.accepts):
+        return None
+    for insert in (*((t,) for t in words.PHRASES if t in at.accepts), *_INSERTIONS):
+        if at.goes_on_after(*insert):
+            bracket = at.innermost(CLOSERS[insert[0]]) if insert[0] in CLOSERS else None
+            advice = ("write `()` where there is nothing to give",) if insert == ("LPAR", "RPAR") else ()
+            return Repair(_general(at, advice, bracket), insert, at.start)
+    return _on_to_the_brace(at, _general(at))
+
+
+def _on_to_the_brace(at: Situation, problem: Problem) -> Repair | None:
+    """Where a block must begin and does so further along the line, what stands between is left out."""
+    ahead = at.matched(r"[^\n{};]*(?=\{)")
+    if ahead is None or not at.fits("LBRACE"):
+        return None
+    return Repair(problem, (), ahead.end())
+
+
+def _general(at: Situation, advice: tuple[str, ...] = (), bracket: Token | None = None) -> Problem:
+    """`expected … after …, found …`."""
+    return errors.UnexpectedToken(
+        at.place,
+        words.expected(at.accepts),
+        "" if at.previous is None else str(at.previous),
+        words.found(at.found.type, at.found),
+        advice,
+        None if bracket is None else span_of(at.source, bracket),
+    )
+
+
+RULES: tuple[Rule, ...] = (
+    _unclosed_string,
+    _strange_characters,
+    _number_without_digit,
+    _derivative_call,
+    _foreign_word,
+    _equals_signs,
+    _primes,
+    _power_sign,
+    _misplaced_unit,
+    _chained_comparison,
+    _unclosed_at_end,
+    _unclosed_at_definition,
+    _unclosed_at_outdent,
+    _reserved_word,
+    _missing_semicolon,
+    _misspelt_word,
+    _in_the_way,
+    _left_out,
+)
