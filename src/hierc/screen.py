@@ -75,7 +75,7 @@ def duration(seconds: float) -> str:
     """A time with three digits and a unit: `1.25 ms`; `-` where there is none."""
     if not math.isfinite(seconds):
         return "-"
-    for factor, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
+    for factor, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns")):
         if abs(seconds) >= 0.9995 * factor or seconds == 0:
             return f"{seconds / factor:.3g} {unit}"
     return f"{seconds:.3g} s"
