@@ -20,6 +20,7 @@ from hierc.compiler.target import (
     If,
     Item,
     Name,
+    Operator,
     Statement,
     Target,
     Unary,
@@ -29,12 +30,28 @@ from hierc.compiler.target import (
 LARGEST = 6
 
 _ARRAYS = {"state": "x", "input": "u", "value": "p", "parameter": "q"}
-_OPERATORS = {
+_OPERATORS: Mapping[str, Operator] = {
     "add": "+", "sub": "-", "mul": "*", "div": "/", "and": "and", "or": "or",
     "lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!=",
 }  # fmt: skip
 _LIBRARY = frozenset(
-    {"pow", "sqrt", "exp", "log", "log10", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh"}
+    {
+        "pow",
+        "sqrt",
+        "exp",
+        "log",
+        "log10",
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "atan2",
+        "sinh",
+        "cosh",
+        "tanh",
+    }
 )
 
 
@@ -181,9 +198,9 @@ class FunctionBody:
             case "not":
                 return Unary("not ", self._test(v.args[0]))
             case "mod":
-                return self._mod(*v.args, out)
+                return self._mod(out, *v.args)
             case "round":
-                return self._round(*v.args, out)
+                return self._round(out, *v.args)
         args = [self._expression(a) for a in v.args]
         match v.op:
             case "neg":
@@ -211,7 +228,7 @@ class FunctionBody:
         out.append(Assign(name, expression))
         return name
 
-    def _mod(self, a: int, b: int, out: list[Statement]) -> Target:
+    def _mod(self, out: list[Statement], a: int, b: int) -> Target:
         """The remainder with the sign of the divisor."""
         y = self._expression(b)
         rest = self._temporary(Call("math.fmod", (self._expression(a), y)), out)
@@ -220,7 +237,7 @@ class FunctionBody:
         above = Binary("and", Binary(">", rest, zero), Binary("<", y, zero))
         return Conditional(Binary("or", below, above), Binary("+", rest, y), rest)
 
-    def _round(self, a: int, out: list[Statement]) -> Target:
+    def _round(self, out: list[Statement], a: int) -> Target:
         """Half away from zero."""
         x = self._expression(a)
         size = self._temporary(Call("math.fabs", (x,)), out)

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 
 from hierc.compiler.emit_names import function_name
 from hierc.compiler.model import Experiment, Parameter, Settings
 from hierc.compiler.plan import Group, Node, Plan, Variable
 from hierc.compiler.symbolic import Form
-from hierc.compiler.target import Assign, Blank, Call, Constant, Dict, Function, Name, Return, Statement, Target, Tuple
+from hierc.compiler.target import (
+    Assign,
+    Blank,
+    Call,
+    Constant,
+    Dict,
+    Function,
+    Name,
+    Return,
+    Statement,
+    Target,
+    Tuple,
+)
 
 #: The function that completes the parameter vector.
 DEFAULTS = "parameter_defaults"
@@ -48,7 +61,9 @@ def _texts(texts: Iterable[str]) -> Tuple:
 
 
 def _found(places: Iterable[tuple[int, str, int]]) -> Tuple:
-    return Tuple(tuple(Tuple((Constant(node), Constant(kind), Constant(index))) for node, kind, index in places))
+    return Tuple(
+        tuple(Tuple((Constant(node), Constant(kind), Constant(index))) for node, kind, index in places)
+    )
 
 
 def _class(name: str, form: Form) -> Call:
@@ -82,7 +97,9 @@ def _class(name: str, form: Form) -> Call:
 
 
 def _node(node: Node) -> Call:
-    return Call("Node", (Constant(node.path), Constant(node.kind), _numbers(node.parameters), _found(node.sources)))
+    return Call(
+        "Node", (Constant(node.path), Constant(node.kind), _numbers(node.parameters), _found(node.sources))
+    )
 
 
 def _group(group: Group) -> Call:
@@ -103,7 +120,9 @@ def _parameter(parameter: Parameter) -> Call:
 
 def _variable(variable: Variable) -> Call:
     rest = _given(unit=(variable.unit, None), doc=(variable.doc, ""), access=(variable.access, "write"))
-    return Call("Variable", (Constant(variable.path), _numbers(variable.shape), _found(variable.elements)), rest)
+    return Call(
+        "Variable", (Constant(variable.path), _numbers(variable.shape), _found(variable.elements)), rest
+    )
 
 
 def _given(**fields: tuple[str | bool | None, str | bool | None]) -> tuple[tuple[str, Target], ...]:
@@ -158,7 +177,7 @@ atol      absolute tolerance, times each state's nominal value
 params    parameters by path (PARAMETERS), replacing their defaults
 settings  start, interval, max_step, min_step, method
 
-Returns a `hierc.runtime.results.Result`.
+Returns a `hierc.runtime.result.Result`.
 """
 
 _RHS = """The derivatives of all states, shape ({states},), at time t [s], for scipy.integrate.solve_ivp and the like.
@@ -166,10 +185,11 @@ _RHS = """The derivatives of all states, shape ({states},), at time t [s], for s
 x       states, shape ({states},), in the order of STATES, in SI units
 params  parameters by path (PARAMETERS), replacing their defaults
 
-NaN where an equation is not defined.
-"""
+NaN where an equation is not defined."""
 
-_JACOBIAN = """The derivatives of `rhs` by the states, shape ({states}, {states}), exact; arguments as for `rhs`."""
+_JACOBIAN = (
+    """The derivatives of `rhs` by the states, shape ({states}, {states}), exact; arguments as for `rhs`."""
+)
 
 #: Names that a docstring lists; beyond that the constants have them all.
 LISTED = 40
@@ -199,7 +219,9 @@ def _face(plan: Plan) -> list[Statement]:
 def _listing(title: str, names: Sequence[str]) -> str:
     shown = ", ".join(names[:LISTED]) or "none"
     more = f", and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    return f"{title.capitalize()}: {shown}{more}"
+    return textwrap.fill(
+        f"{title.capitalize()}: {shown}{more}", 100, subsequent_indent="    ", break_on_hyphens=False
+    )
 
 
 def _method(name: str, arguments: Sequence[str], required: int, doc: str, rest: str = "") -> list[Statement]:

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from hierc.compiler import model
 from hierc.compiler.model import Model, Source
-from hierc.compiler.symbolic import Form, Place, Symbolic
+from hierc.compiler.symbolic import Symbolic
 from hierc.grammar.source import SourceFile
 
 #: In a call: the node's right-hand side rather than one of its parts.
@@ -103,9 +103,14 @@ def _digest(model: Model) -> str:
 # ---- places ---------------------------------------------------------------------------------
 
 
-def _find(symbolic: Symbolic, source: Source, table: Callable[[Form], Mapping[tuple[str, int], Place]]) -> Found:
-    kind, index = table(symbolic.forms[symbolic.kinds[source.node]])[source.kind, source.index]
-    return source.node, kind, index
+def _channel(symbolic: Symbolic, source: Source) -> Found:
+    """Where a node finds what it reads of another."""
+    return source.node, *symbolic.forms[symbolic.kinds[source.node]].channels[source.kind, source.index]
+
+
+def _record(symbolic: Symbolic, source: Source) -> Found:
+    """Where results find a scalar."""
+    return source.node, *symbolic.forms[symbolic.kinds[source.node]].records[source.kind, source.index]
 
 
 def _nodes(model: Model, symbolic: Symbolic) -> tuple[Node, ...]:
@@ -114,7 +119,7 @@ def _nodes(model: Model, symbolic: Symbolic) -> tuple[Node, ...]:
             node.path,
             symbolic.kinds[node.id],
             node.parameters,
-            tuple(_find(symbolic, s, lambda form: form.channels) for s in node.inputs),
+            tuple(_channel(symbolic, s) for s in node.inputs),
         )
         for node in model.nodes
     )
@@ -125,7 +130,7 @@ def _variables(model: Model, symbolic: Symbolic) -> tuple[Variable, ...]:
         Variable(
             v.path,
             v.shape,
-            tuple(_find(symbolic, s, lambda form: form.records) for s in v.elements),
+            tuple(_record(symbolic, s) for s in v.elements),
             v.unit,
             v.doc,
             v.access,
@@ -141,15 +146,18 @@ def _groups(model: Model, symbolic: Symbolic) -> tuple[Group, ...]:
     nodes = _nodes(model, symbolic)
     home = {n: g for g, group in enumerate(model.groups) for n in group.nodes}
     return tuple(
-        Group(group.name, group.nodes, _calls(symbolic, nodes, group.nodes, lambda n, g=g: home.get(n, g) == g))
+        Group(group.name, group.nodes, _calls(symbolic, nodes, group.nodes, g, home))
         for g, group in enumerate(model.groups)
     )
 
 
 def _calls(
-    symbolic: Symbolic, nodes: Sequence[Node], members: Sequence[int], is_inside: Callable[[int], bool]
+    symbolic: Symbolic, nodes: Sequence[Node], members: Sequence[int], group: int, home: Mapping[int, int]
 ) -> tuple[Call, ...]:
-    """The parts that the members' equations use, in order of dependency, then the members' right-hand sides."""
+    """The parts that the members' equations use, in order of dependency, then the members' right-hand sides.
+
+    `home` is the group of each node that has one; outs of other groups are channels.
+    """
     owner = [{out: p for p, part in enumerate(form.parts) for out in part.outs} for form in symbolic.forms]
 
     def parts(node: int, inputs: Iterable[int]) -> list[Call]:
@@ -157,7 +165,7 @@ def _calls(
         found = []
         for k in sorted(inputs):
             source, kind, index = nodes[node].sources[k]
-            if kind == "out" and is_inside(source):
+            if kind == "out" and home.get(source, group) == group:
                 found.append((source, owner[nodes[source].kind][index]))
         return found
 
@@ -218,6 +226,7 @@ def _start_passes(model: Model, symbolic: Symbolic) -> int:
         own = [(passes[p], p[0]) for p in needs(found)]
         # An out follows from its own node's states in the visit that set them.
         passes[found] = max(
-            (n + (node > found[0] or node == found[0] and found[1] == "state") for n, node in own), default=1
+            (n + (node > found[0] or (node == found[0] and found[1] == "state")) for n, node in own),
+            default=1,
         )
     return max((passes[s] for s in states), default=1)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from hierc.compiler.model import Model, Node, Source
+from hierc.compiler.symbolic_algebra import tidy
 from hierc.compiler.symbolic_derivative import jacobian
 from hierc.compiler.symbolic_graph import Graph, Value
 from hierc.compiler.symbolic_lower import Lowering
@@ -71,6 +72,7 @@ class Form:
 
     @property
     def observed(self) -> int:
+        """How many scalars `observe` sets."""
         return 0 if self.observe is None else len(self.observe.targets)
 
 
@@ -81,7 +83,9 @@ class Symbolic:
     values: tuple[Value, ...]  # what programs refer to
     forms: tuple[Form, ...]
     kinds: tuple[int, ...]  # the form of each node
-    defaults: tuple[tuple[int, Program], ...]  # for each scalar parameter: its entry, and a program that sets it
+    defaults: tuple[
+        tuple[int, Program], ...
+    ]  # for each scalar parameter: its entry, and a program that sets it
 
 
 def derive(model: Model) -> Symbolic:
@@ -92,7 +96,8 @@ def derive(model: Model) -> Symbolic:
     read = _read(model, kinds, len(firsts))
     recorded = _recorded(model, kinds, len(firsts))
     forms = tuple(
-        _FormBuilder(graph, model.nodes[n], lowered[n]).form(read[k], recorded[k]) for k, n in enumerate(firsts)
+        _FormBuilder(graph, model.nodes[n], lowered[n]).form(read[k], recorded[k])
+        for k, n in enumerate(firsts)
     )
     defaults = _defaults(graph, model)
     return Symbolic(tuple(graph.values), forms, kinds, defaults)
@@ -189,7 +194,9 @@ class _FormBuilder:
             "nominal": list(enumerate(lowered.nominals)),
         }
         functions, fill, names = self._reduce(functions)
-        out_details = tuple(Out(self._leaves("state", v), self._leaves("input", v)) for _, v in functions["out"])
+        out_details = tuple(
+            Out(self._leaves("state", v), self._leaves("input", v)) for _, v in functions["out"]
+        )
         needs = self._leaves("input", *(v for f in ("rhs", "out", "jac") for _, v in functions[f]))
         rhs = self._program(functions["rhs"])
         return Form(
@@ -216,7 +223,9 @@ class _FormBuilder:
             names=names,
         )
 
-    def _places(self, keys: Sequence[Key], kind: Literal["out", "observed"]) -> tuple[dict[Key, Place], list[int]]:
+    def _places(
+        self, keys: Sequence[Key], kind: Literal["out", "observed"]
+    ) -> tuple[dict[Key, Place], list[int]]:
         """Where each scalar is found, and the values that must be computed for it: none for what is just a state."""
         places: dict[Key, Place] = {}
         values: dict[int, int] = {}
@@ -243,13 +252,17 @@ class _FormBuilder:
         states = [self._graph.leaf("state", i) for i in range(len(self._node.states))]
         inputs = [self._graph.leaf("input", i) for i in range(len(self._node.inputs))]
         column = {leaf: k for k, leaf in enumerate(states + inputs)}
-        gradients = jacobian(self._graph, [*self._lowered.rates, *outs], list(column))
+        rows = [*self._lowered.rates, *outs]
+        gradients = jacobian(self._graph, rows, list(column))
         nonzeros = [
             (row, k, d)
             for row, gradient in enumerate(gradients)
             for k, d in sorted((column[leaf], d) for leaf, d in gradient.items())
         ]
-        return tuple((row, k) for row, k, _ in nonzeros), [d for _, _, d in nonzeros]
+        entries = tidy(self._graph, [d for _, _, d in nonzeros], self._graph.reach(rows))
+        zero = self._graph.number(0.0)  # algebra may find that terms cancel
+        left = [(row, k, d) for (row, k, _), d in zip(nonzeros, entries, strict=True) if d != zero]
+        return tuple((row, k) for row, k, _ in left), [d for _, _, d in left]
 
     def _reduce(self, functions: dict[str, Stores]) -> tuple[dict[str, Stores], Stores, dict[int, str]]:
         """Functions with powers expanded and constants taken out; the stores of `fill`; names of values."""

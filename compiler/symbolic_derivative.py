@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from hierc.compiler.symbolic_graph import BOOLEAN, Depends, Graph
 
@@ -85,7 +85,7 @@ def _eliminate(graph: Graph, into: dict[int, Gradient], scope: Collection[int]) 
 
 
 def _accumulate(graph: Graph, total: Gradient, factor: int, gradient: Gradient) -> None:
-    """total += factor*gradient, dropping what cancels."""
+    """Adds factor*gradient to `total`, dropping what cancels."""
     for p, d in gradient.items():
         term = _times(graph, factor, d)
         total[p] = _plus(graph, total[p], term) if p in total else term

@@ -21,9 +21,11 @@ class OutOfRange(Problem):
     operation: str
 
     def title(self) -> str:
-        return f"`{self.span.text}` has no finite value"
+        """Quotes the operation."""
+        return f"`{self.span.text}` has no finite value" if self.span else "a number has no finite value"
 
     def remark(self) -> str:
+        """Names the operation."""
         return f"operation `{self.operation}` on these numbers"
 
 
@@ -41,9 +43,11 @@ class TooLarge(Problem):
     limit: int
 
     def title(self) -> str:
+        """Names the phase and its limit."""
         return f"the {self.phase} phase needs more than {self.limit} operations here"
 
     def help(self) -> tuple[str, ...]:
+        """How to make the model smaller."""
         return ("split this agent, or use fewer conditions inside conditions",)
 
 
@@ -60,4 +64,5 @@ class TooDeep(Problem):
     limit: int
 
     def title(self) -> str:
+        """Names the limit."""
         return f"conditions are nested more than {self.limit} deep"

@@ -1,11 +1,11 @@
 """Values: expressions as a graph in which equal expressions are one value.
 
-In: operations and arguments. Out: value numbers. Guaranteed: arguments have smaller numbers than what is made of them, so passes are loops,
-not recursions; equal operations on equal values are the same number (this is the elimination of common subexpressions); arithmetic on
+In: operations and arguments. Out: value numbers. Guaranteed: arguments have smaller numbers than what is made of them, so passes are
+loops, not recursions; equal operations on equal values are the same number (this eliminates common subexpressions); arithmetic on
 literals is done, by the double precision operations that the generated code would use.
 
-Rewritten are only identities over the reals that keep the user's order of operations: `x*0`, `x/x`, `a + (-b)`, signs moved out of products.
-A quotient stays a quotient and a sum keeps its association, so results differ from the plain reading by nothing at all.
+Rewritten are only identities over the reals that keep the user's order of operations: `x*0`, `x/x`, `a + (-b)`, signs moved out of
+products. A quotient stays a quotient and a sum keeps its association, so results are those of the plain reading, bit for bit.
 """
 
 from __future__ import annotations
@@ -49,7 +49,9 @@ COMPARISONS: dict[str, Callable[[float, float], bool]] = {
     "lt": operator.lt, "le": operator.le, "gt": operator.gt, "ge": operator.ge, "eq": operator.eq, "ne": operator.ne,
 }  # fmt: skip
 BOOLEAN = frozenset(COMPARISONS) | {"and", "or", "not"}
-COMMUTATIVE = frozenset({"add", "mul", "eq", "ne", "and", "or"})  # `max` and `min` are not: which NaN, which zero
+COMMUTATIVE = frozenset(
+    {"add", "mul", "eq", "ne", "and", "or"}
+)  # `max` and `min` are not: which NaN, which zero
 #: Operations without a domain: evaluating them in vain can neither raise nor trap.
 TOTAL = frozenset({"add", "sub", "mul", "neg", "abs", "sign", "min", "max"}) | BOOLEAN
 
@@ -106,9 +108,11 @@ class Graph:
             self._span = span
 
     def number(self, value: float) -> int:
+        """A literal."""
         return self._intern(("number", value.hex()), Value("number", number=value), Depends.NOTHING)
 
     def leaf(self, op: str, index: int = 0) -> int:
+        """A state, input, parameter or value by its index, or time."""
         return self._intern((op, index), Value(op, index=index), LEAVES[op])
 
     def apply(self, op: str, *args: int) -> int:
@@ -176,6 +180,7 @@ class Graph:
         return v.number if v.op == "number" else None
 
     def is_leaf(self, value: int) -> bool:
+        """Whether a value is made of nothing."""
         return not self.values[value].args
 
     def reach(self, roots: Iterable[int]) -> list[int]:

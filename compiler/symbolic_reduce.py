@@ -20,18 +20,20 @@ def expand(graph: Graph, roots: Iterable[int]) -> dict[int, int]:
     def rule(value: int, args: tuple[int, ...]) -> int:
         if graph.values[value].op == "pow":
             exponent = graph.literal(args[1])
-            if exponent is not None and (2.0 * exponent).is_integer() and abs(exponent) <= LARGEST_PRODUCT:
-                return _power(graph, args[0], exponent)
+            return graph.rebuild(value, args) if exponent is None else power(graph, args[0], exponent)
         return graph.rebuild(value, args)
 
     return _rewrite(graph, roots, rule)
 
 
-def _power(graph: Graph, base: int, exponent: float) -> int:
+def power(graph: Graph, base: int, exponent: float) -> int:
+    """A power by a literal: by repeated squaring, and a root for a half, if the exponent is small; otherwise `pow`."""
+    if not (2.0 * exponent).is_integer() or abs(exponent) > LARGEST_PRODUCT:
+        return graph.apply("pow", base, graph.number(exponent))
     if exponent < 0.0:
-        return graph.apply("div", graph.number(1.0), _power(graph, base, -exponent))
+        return graph.apply("div", graph.number(1.0), power(graph, base, -exponent))
     whole, square, result = int(exponent), base, None
-    while whole:  # repeated squaring
+    while whole:
         if whole & 1:
             result = square if result is None else graph.apply("mul", result, square)
         whole >>= 1
@@ -50,7 +52,7 @@ def constants(graph: Graph, functions: Sequence[Iterable[int]]) -> tuple[int, ..
     total: set[int] = set()
     for v in graph.reach(roots):
         value = graph.values[v]
-        if not value.args or value.op in TOTAL and total.issuperset(value.args):
+        if not value.args or (value.op in TOTAL and total.issuperset(value.args)):
             total.add(v)
     found: set[int] = set()
     seen: set[int] = set()
@@ -60,7 +62,8 @@ def constants(graph: Graph, functions: Sequence[Iterable[int]]) -> tuple[int, ..
         if v in seen:
             continue
         seen.add(v)
-        if graph.depends[v] == Depends.PARAMETER and (v in certain or v in total):
+        is_sign = graph.values[v].op == "neg"  # costs nothing where it is used
+        if graph.depends[v] == Depends.PARAMETER and not is_sign and (v in certain or v in total):
             found.add(v)
         else:
             stack.extend(graph.values[v].args)
@@ -76,7 +79,9 @@ def replace(graph: Graph, roots: Iterable[int], by: Mapping[int, int]) -> dict[i
     return _rewrite(graph, roots, rule)
 
 
-def _rewrite(graph: Graph, roots: Iterable[int], rule: Callable[[int, tuple[int, ...]], int]) -> dict[int, int]:
+def _rewrite(
+    graph: Graph, roots: Iterable[int], rule: Callable[[int, tuple[int, ...]], int]
+) -> dict[int, int]:
     new: dict[int, int] = {}
     for v in graph.reach(roots):
         new[v] = rule(v, tuple(new[a] for a in graph.values[v].args))

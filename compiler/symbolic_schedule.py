@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from hierc.compiler.symbolic_errors import TooDeep, TooLarge
-from hierc.compiler.symbolic_graph import Graph
+from hierc.compiler.symbolic_graph import Depends, Graph
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import Span
 
@@ -63,6 +63,7 @@ class Program:
 
     @property
     def stores(self) -> tuple[tuple[int, int], ...]:
+        """What is stored, as (entry, value)."""
         return tuple(zip(self.targets, self.block.results, strict=True))
 
 
@@ -71,6 +72,12 @@ def schedule(graph: Graph, stores: Sequence[tuple[int, int]], span: Span) -> Pro
     graph.check(value for _, value in stores)
     block = _Scheduler(graph, span).block([value for _, value in stores], frozenset(), 0)
     return Program(block, tuple(entry for entry, _ in stores))
+
+
+def operations(graph: Graph, roots: Iterable[int]) -> int:
+    """Flops of everything the roots are made of that changes during a run, all branches counted."""
+    changing = (v for v in graph.reach(roots) if graph.values[v].args and graph.depends[v] & Depends.RUN)
+    return sum(FLOPS.get(graph.values[v].op, ELEMENTARY) for v in changing)
 
 
 def flops(graph: Graph, block: Block) -> int:
@@ -100,7 +107,9 @@ class _Scheduler:
         if self._steps > STEPS:
             raise ModelError([TooLarge(self._span, "scheduling", STEPS)])
         ready = {*done}
-        waiting: dict[int, frozenset[int]] = {}  # choices put off until somebody needs them, with what they need
+        waiting: dict[
+            int, frozenset[int]
+        ] = {}  # choices put off until somebody needs them, with what they need
         here = {*done, *todo}
         steps: list[Compute | Branch] = []
         for v in todo:

@@ -15,6 +15,9 @@ WIDTH = 110
 # ---- expressions ------------------------------------------------------------------------
 
 
+Operator = Literal["+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "and", "or"]
+
+
 @dataclass(frozen=True, slots=True)
 class Name:
     id: str
@@ -41,7 +44,7 @@ class Unary:
 
 @dataclass(frozen=True, slots=True)
 class Binary:
-    op: Literal["+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "and", "or"]
+    op: Operator
     left: Target
     right: Target
 
@@ -174,7 +177,7 @@ def _statement(statement: Statement, indent: str) -> Iterator[str]:
 
 def _body(statements: tuple[Statement, ...], indent: str) -> Iterator[str]:
     inner = indent + "    "
-    if all(isinstance(s, Text | Comment | Blank) for s in statements) and not any(isinstance(s, Text) for s in statements):
+    if not statements:
         yield f"{inner}pass"
     for s in statements:
         yield from _statement(s, inner)
@@ -192,7 +195,11 @@ def _wrapped(value: Target, before: str, after: str, indent: str) -> Iterator[st
     line = f"{before}{_show(value)}{after}"
     inner = indent + "    "
     match value:
-        case Tuple(items=items) if len(line) > WIDTH and items:
+        case Tuple(items=items) if len(line) > WIDTH and all(map(_is_short, items)):
+            yield f"{before}("
+            yield from _filled([f"{_show(item)}," for item in items], inner)
+            yield f"{indent}){after}"
+        case Tuple(items=items) if len(line) > WIDTH:
             yield f"{before}("
             for item in items:
                 yield from _wrapped(item, inner, ",", inner)
@@ -200,9 +207,11 @@ def _wrapped(value: Target, before: str, after: str, indent: str) -> Iterator[st
         case Dict(items=entries) if len(line) > WIDTH:
             yield f"{before}{{"
             for key, item in entries:
-                yield from _wrapped(item, f"{inner}{ascii(key)}: ", ",", inner)
+                yield from _wrapped(item, f"{inner}{key!a}: ", ",", inner)
             yield f"{indent}}}{after}"
-        case Call(function=function, args=args, keywords=keywords) if len(line) > WIDTH and (args or keywords):
+        case Call(function=function, args=args, keywords=keywords) if len(line) > WIDTH and (
+            args or keywords
+        ):
             yield f"{before}{function}("
             for item in args:
                 yield from _wrapped(item, inner, ",", inner)
@@ -211,6 +220,24 @@ def _wrapped(value: Target, before: str, after: str, indent: str) -> Iterator[st
             yield f"{indent}){after}"
         case _:
             yield line
+
+
+def _is_short(value: Target) -> bool:
+    """Whether several of these may share a line of a table."""
+    if isinstance(value, Tuple):
+        return all(isinstance(item, Constant) for item in value.items)
+    return isinstance(value, Constant)
+
+
+def _filled(words: Iterable[str], indent: str) -> Iterator[str]:
+    """As many words a line as fit."""
+    line = indent
+    for word in words:
+        if len(line) + len(word) + 1 > WIDTH and line.strip():
+            yield line
+            line = indent
+        line += word if line == indent else f" {word}"
+    yield line
 
 
 def _show(value: Target, least: int = 0) -> str:
@@ -230,7 +257,8 @@ def _show(value: Target, least: int = 0) -> str:
             # Comparisons do not chain, and the left of a product may be negative as it stands.
             a = _show(left, strength + (strength == _STRENGTH["<"]))
             b = _show(right, strength + 1)
-            return _parenthesised(f"{a}*{b}" if op == "*" else f"{a}/{b}" if op == "/" else f"{a} {op} {b}", strength, least)
+            text = f"{a}{op}{b}" if op in "*/" else f"{a} {op} {b}"
+            return _parenthesised(text, strength, least)
         case Conditional(test=test, then=then, other=other):
             text = f"{_show(then, 2)} if {_show(test, 2)} else {_show(other, _CONDITIONAL)}"
             return _parenthesised(text, _CONDITIONAL, least)
@@ -241,7 +269,7 @@ def _show(value: Target, least: int = 0) -> str:
         case Tuple(items=items):
             return f"({', '.join(_show(i) for i in items)}{',' if len(items) == 1 else ''})"
         case Dict(items=entries):
-            return f"{{{', '.join(f'{ascii(key)}: {_show(item)}' for key, item in entries)}}}"
+            return f"{{{', '.join(f'{key!a}: {_show(item)}' for key, item in entries)}}}"
         case _:
             assert_never(value)
 
