@@ -59,6 +59,8 @@ class Group(Record):
     sources: Array[Source]
     channels: Array[int]  # of each input: place of its coefficients in the segment it is read from
     u: Array[Lanes]
+    inputs: int
+    published: int  # channels after the states
     # segments: t0, t1, 1/h, h, then `width` coefficients a channel; the states are the first channels
     track: Array[float]
     first: int  # number of the first segment kept
@@ -75,6 +77,7 @@ class Group(Record):
     iterate: int
     estimate: int
     accept: int
+    attempt: int
     work: Array[Lanes]
     linear: int  # 1 where the Jacobian is constant: one Newton iteration is exact
     order: float  # of the error estimate: err ~ h**order

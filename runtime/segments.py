@@ -25,8 +25,10 @@ def covered(g: Group, groups: Array[Group], end: float) -> bool:
     return True
 
 
-def read_inputs(g: Group, groups: Array[Group], t: Lanes, low: float, high: float) -> None:
-    """Evaluate all inputs of g at the times t, which lie in [low, high], into g.u. `low` never decreases between calls."""
+def read_inputs(
+    g: Group, groups: Array[Group], t: Lanes, low: float, high: float, u: Array[Lanes]
+) -> None:
+    """Evaluate all inputs of g at the times t, which lie in [low, high], into u. `low` never decreases between calls."""
     for s in range(g.source_count):
         source = g.sources[s]
         up = groups[source.group]
@@ -35,7 +37,7 @@ def read_inputs(g: Group, groups: Array[Group], t: Lanes, low: float, high: floa
             k += 1
         source.cursor = k
         place = at(g.channels, source.first)
-        into = at(g.u, source.first)
+        into = at(u, source.first)
         piece = segment(up, k)
         evaluate(piece, up.degree, place, source.count, (t - piece[0]) * piece[2], into)
         while k + 1 < up.count and segment(up, k)[1] < high:

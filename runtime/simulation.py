@@ -94,7 +94,7 @@ class Simulation:
             "p": values,
             "absolute": settings.atol * nominal,
             "channels": places,
-            "u": aligned(max(form.inputs, 1) * method.lanes),
+            "u": aligned(max(form.inputs, 1) * method.input_rows),
             "work": aligned(max(pieces.work, 1)),
             "sources": sources.memory,
         }
@@ -106,6 +106,7 @@ class Simulation:
         facts: dict[str, float] = {
             "t": self.start, "stop": self.stop, "max_step": settings.max_step, "min_step": settings.min_step,
             "rtol": settings.rtol, "contraction": 1.0, "newton_tolerance": method.newton_tolerance, "n": form.states,
+            "inputs": form.inputs, "published": len(form.published),
             "source_count": len(sources["group"]) if wiring.channels else 0, "capacity": _ROOM, "stride": stride,
             "width": method.width, "degree": method.degree, "linear": int(pieces.linear), "order": method.error_order,
             "step": self.program.steps[settings.method], "track": track.ctypes.data, **pieces.addresses,

@@ -153,6 +153,12 @@ def standalone(function: F) -> F:
     return function
 
 
+def outlined(function: F) -> F:
+    """Mark a function that is called, not inlined, because it is large and called from many places."""
+    function.outlined = True  # type: ignore[attr-defined]
+    return function
+
+
 def invoke(address: int, *args: Any) -> float:
     """Call the piece at `address`, which returns a float. Under CPython the address is a callable."""
     result: float = address(*args)  # type: ignore[operator]

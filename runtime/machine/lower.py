@@ -202,7 +202,7 @@ class Lowering:
             for k in range(last):
                 self.constants[name] = k
                 self.block(body)
-            del self.constants[name]
+            self.constants.pop(name, None)
             return
         if kind != "range":
             raise _refused(node)
@@ -250,6 +250,8 @@ class Lowering:
                 if not isinstance(index, int):
                     raise _refused(node, "tables are indexed by constants")
                 return LaneConstant(self.names[name].rows[index]).value
+            case ast.Subscript() if (known := self.static(node)) is not None:
+                return known
             case ast.Subscript() | ast.Attribute():
                 return self.load(node)
             case ast.Call():
@@ -259,6 +261,21 @@ class Lowering:
                 return result
             case _:
                 raise _refused(node)
+
+    def static(self, node: ast.expr) -> Any:
+        """An entry of a table of constants, at a constant index; None if it is not one."""
+        match node:
+            case ast.Name(id=name) if name not in self.slots:
+                known = self.names.get(name)
+                return known if isinstance(known, tuple) else None
+            case ast.Subscript(value=base, slice=index):
+                table = self.static(base)
+                if isinstance(table, tuple):
+                    where = self.expression(index)
+                    if not isinstance(where, int):
+                        raise _refused(node, "tables of constants are indexed by constants")
+                    return table[where]
+        return None
 
     def name(self, name: str, node: ast.expr) -> Operand:
         if name in self.constants:

@@ -56,7 +56,8 @@ class Unit:
         name = export or self.module.get_unique_name(f"{function.__name__}.{lanes}")
         made = ir.Function(self.module, ir.FunctionType(result, [llvm_type(k) for k in kinds.values()]), name)
         standalone = hasattr(function, "standalone")
-        _mark(made, inline=export is None and not standalone, pure=standalone)
+        inline = export is None and not standalone and not hasattr(function, "outlined")
+        _mark(made, inline=inline, pure=standalone)
         if export is None:
             made.linkage = "internal"
         self.made[key] = (made, tuple(kinds.values()), returns)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from hierc.runtime.methods.dop853 import DOP853
+from hierc.runtime.methods.explicit import Explicit
 from hierc.runtime.methods.method import Method
 from hierc.runtime.methods.radau import Radau
 from hierc.runtime.methods.radau_tables import RADAU5, RADAU9, RADAU13
+from hierc.runtime.methods.tsit5 import TSIT5
 
 METHODS: dict[str, Method] = {
     method.name: method
@@ -12,5 +15,7 @@ METHODS: dict[str, Method] = {
         Radau(RADAU5, newton_tolerance=0.05),
         Radau(RADAU9, newton_tolerance=0.05),
         Radau(RADAU13, newton_tolerance=0.01),
+        Explicit(TSIT5),
+        Explicit(DOP853),
     )
 }

@@ -20,7 +20,7 @@ class Names(NamedTuple):
 
 
 class Method(Protocol):
-    """One method. `lanes` is the width of its values; a segment has `degree` + 1 coefficients a channel, padded to `width`.
+    """One method. `lanes` is the width of its values; it reads inputs at `input_rows` times a step; a segment has `degree` + 1 coefficients a channel, padded to `width`.
 
     `order` is that of the solution at knots, `dense_order` between them, `error_order` of the estimate (err ~ h**error_order).
     `step` decides, the same for all groups; `pieces` compute, lowered for each form of group under their own names.
@@ -40,6 +40,8 @@ class Method(Protocol):
     def degree(self) -> int: ...
     @property
     def width(self) -> int: ...
+    @property
+    def input_rows(self) -> int: ...
     @property
     def newton_tolerance(self) -> float: ...
     @property

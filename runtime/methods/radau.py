@@ -246,7 +246,7 @@ def step(g: Group, groups: Array[Group]) -> float:
     if g.h <= 0.0:
         if not covered(g, groups, g.t):
             return WAITING
-        read_inputs(g, groups, NODES * 0.0 + g.t, g.t, g.t)
+        read_inputs(g, groups, NODES * 0.0 + g.t, g.t, g.t, g.u)
         g.h = invoke(g.initial, g)
         g.evaluations += 1
     while True:
@@ -254,7 +254,7 @@ def step(g: Group, groups: Array[Group]) -> float:
             return TOO_SMALL
         if not covered(g, groups, g.end):
             return WAITING
-        read_inputs(g, groups, g.t + g.trial * NODES, g.t, g.end)
+        read_inputs(g, groups, g.t + g.trial * NODES, g.t, g.end, g.u)
         iterations = newton(g)
         if iterations == 0:
             g.failures += 1
@@ -367,6 +367,10 @@ class Radau:
 
     @property
     def width(self) -> int:
+        return self.tables.lanes
+
+    @property
+    def input_rows(self) -> int:
         return self.tables.lanes
 
     @property
