@@ -242,6 +242,20 @@ class NestedTooDeeply(Problem):
         return ("name inner parts with `let`",)
 
 
+@dataclass(frozen=True)
+class HalfAUnit(Problem):
+    code = "E119"
+    explanation = "A unit stands in brackets after a declared name or a number."
+
+    unit: str
+
+    def title(self) -> str:
+        return "a unit stands between `[` and `]`"
+
+    def help(self) -> tuple[str, ...]:
+        return (f"write `[{self.unit}]`",)
+
+
 # ---- habits of other languages ------------------------------------------------------------------
 
 

@@ -11,6 +11,7 @@ Each recovery either takes in text or makes the next token acceptable, so the lo
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from copy import copy
 from itertools import pairwise
 
@@ -28,6 +29,7 @@ from hierc.grammar.words import END, JUNK
 DEEPEST = 128  # nesting of brackets, blocks and prefix operators
 MOST_PROBLEMS = 100  # after so many, the file is something else than a model
 ECHO = 2  # tokens
+FAR = 8  # tokens that show a guess at what is missing to be right
 
 #: Tokens that wait on the parser's stack for what they open. Chains such as `x + x + …` do not grow the stack.
 _OPENERS = frozenset({"LPAR", "LSQB", "LBRACE", "NOT", "POW", "IF", "THEN", "ELSE"})
@@ -52,6 +54,7 @@ class RecoveringParser:
         self._lexing: LexerState = interactive.lexer_thread.state
         self._comment = re.compile(lark.get_terminal("COMMENT").pattern.to_regexp())
         self._vocabulary = {word: terminal.name for terminal in lark.terminals for word in words_of(terminal)}
+        self._operands: tuple[Token | Tree[Token], ...] = ()
         self._done = False
         self._since_repair = ECHO
 
@@ -75,7 +78,7 @@ class RecoveringParser:
     # ---- reading --------------------------------------------------------------------------------
 
     def _shift(self, token: Token) -> None:
-        self._state.feed_token(token)
+        self._feed(token)
         self.tokens.append(token)
         self._since_repair += 1
         if token.type == "NUMBER":
@@ -84,13 +87,23 @@ class RecoveringParser:
             self.problems.append(NestedTooDeeply(span_of(self.source, token), DEEPEST))
             raise _TooDeep
 
+    def _feed(self, token: Token) -> Tree[Token] | None:
+        """Feed a token; one that does not fit leaves the stack as it was, though the parser finds out only after reducing."""
+        states, values = list(self._state.state_stack), list(self._state.value_stack)
+        try:
+            result: Tree[Token] | None = self._state.feed_token(token, is_end=token.type == END)
+        except UnexpectedToken:
+            self._operands = tuple(self._state.value_stack[-3:])
+            self._state.state_stack[:], self._state.value_stack[:] = states, values
+            raise
+        return result
+
     def _finish(self) -> Tree[Token] | None:
         self._done = True
         if comment := self._unclosed_comment():
             self.problems.append(UnclosedComment(comment))
             return None
-        result: Tree[Token] = self._state.feed_token(Token(END, "", len(self.source.text)), is_end=True)
-        return result
+        return self._feed(Token(END, "", len(self.source.text)))
 
     def _nesting(self) -> int:
         """How many brackets, blocks and prefix operators are open."""
@@ -134,13 +147,37 @@ class RecoveringParser:
                 if t.isupper() and self._fits(t)
             ),
             tuple(v for v in values if isinstance(v, Token)),
-            tuple(values[-3:]),
+            self._operands,
             self._vocabulary,
             self._fits,
+            self._reach,
         )
 
     def _fits(self, *terminals: str) -> bool:
         """Whether the parser could read these terminals now."""
+        return self._probe(terminals) is not None
+
+    def _reach(self, insert: tuple[str, ...], offset: int) -> int:
+        """How many tokens of the text from `offset` on could be read after `insert`; no more than `FAR` are tried."""
+        probe = self._probe(insert)
+        if probe is None:
+            return 0
+        lexing = copy(self._lexing)
+        lexing.line_ctr.char_pos = offset
+        count = 0
+        try:
+            for token in self._lexer.lex(lexing, probe):
+                probe.feed_token(token)
+                count += 1
+                if count == FAR:
+                    return count
+            probe.feed_token(Token(END, ""), is_end=True)
+        except (UnexpectedToken, UnexpectedCharacters):
+            return count
+        return FAR
+
+    def _probe(self, terminals: Iterable[str]) -> ParserState[int] | None:
+        """A copy of the parser's state that has read these terminals and builds no tree; None where it cannot read them."""
         probe = self._state.copy(deepcopy_values=False)
         probe.parse_conf = copy(self._state.parse_conf)
         probe.parse_conf.callbacks = {}
@@ -148,8 +185,8 @@ class RecoveringParser:
             for terminal in terminals:
                 probe.feed_token(Token(terminal, ""), is_end=terminal == END)
         except UnexpectedToken:
-            return False
-        return True
+            return None
+        return probe
 
     def _unclosed_comment(self) -> Span | None:
         start = self.tokens[-1].end_pos if self.tokens else 0

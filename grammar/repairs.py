@@ -99,8 +99,10 @@ def _number_without_digit(at: Situation) -> Repair | None:
         )
     previous = at.previous
     if previous and previous.type == "NUMBER" and previous.end_pos == at.start:
-        match = at.matched(r"\.([eE][+-]?[0-9]+)?")
-        place = Span(at.source, previous.start_pos or 0, match.end() if match else at.stop)
+        match = at.matched(r"\.([eE][+-]?[0-9]+)?(?!\w)")
+        if match is None:
+            return None
+        place = Span(at.source, previous.start_pos or 0, match.end())
         return Repair(errors.NumberWithoutDigit(place, place.text, False), (), place.stop, sure=True)
     return None
 
@@ -204,8 +206,21 @@ def _misplaced_unit(at: Situation) -> Repair | None:
     return Repair(errors.MisplacedUnit(at.place), (), at.stop, sure=True)
 
 
+_FACTOR = r"(?:1|%|[A-Za-zµΩ°]+)(?:\^-?[0-9.]+)?"
+_HALF_A_UNIT = rf"(\[\s*)?{_FACTOR}(?:[*/]{_FACTOR})*(?(1)|\s*\])"
+
+
+def _half_a_unit(at: Situation) -> Repair | None:
+    """`[m/s = 0` or `m/s] = 0` where a unit may stand."""
+    match = at.matched(_HALF_A_UNIT)
+    if match is None or not at.fits("UNIT") or (not match[1] and at.innermost("LSQB")):
+        return None
+    problem = errors.HalfAUnit(Span(at.source, *match.span()), match.group().strip("[] \t"))
+    return Repair(problem, ("UNIT",), match.end(), sure=True)
+
+
 def _chained_comparison(at: Situation) -> Repair | None:
-    if at.found.type != "CMP" or len(at.operands) < 3 or "AND" not in at.accepts:
+    if at.found.type != "CMP" or len(at.operands) < 3:
         return None
     left, sign, _ = at.operands
     if not (isinstance(left, Tree) and isinstance(sign, Token) and sign.type == "CMP"):
@@ -271,7 +286,7 @@ def _unclosed_at_definition(at: Situation) -> Repair | None:
 def _unclosed_at_outdent(at: Situation) -> Repair | None:
     """A statement of the block outside, no further right than the line that opened the block inside."""
     brace = at.innermost("LBRACE")
-    if brace is None or not at.is_word or not at.is_first_on_line or not at.goes_on_after("RBRACE"):
+    if brace is None or not at.is_word or not at.is_first_on_line or not at.reach(("RBRACE",), at.start):
         return None
     if _indent(at.source, at.found) > _indent(at.source, brace):
         return None
@@ -326,7 +341,7 @@ def _missing_semicolon(at: Situation) -> Repair | None:
         return None
     last = previous.end_pos or 0
     ends = at.found.type in ("RBRACE", END) or at.is_word or "\n" in at.source.text[last : at.start]
-    if not ends or not (at.goes_on_after("SEMICOLON") or at.found.type == END):
+    if not ends or not at.reach(("SEMICOLON",), at.start):
         return None
     return Repair(errors.MissingSemicolon(Span(at.source, last, last)), ("SEMICOLON",), at.start)
 
@@ -342,7 +357,7 @@ def _misspelt_word(at: Situation) -> Repair | None:
 
 # ---- the general form ---------------------------------------------------------------------------
 
-_INSERTIONS = (("LPAR", "RPAR"), ("RPAR", "SEMICOLON"), ("RSQB", "SEMICOLON"))
+_PAIRS = (("LPAR", "RPAR"), ("RPAR", "SEMICOLON"), ("RSQB", "SEMICOLON"))
 
 
 def _in_the_way(at: Situation) -> Repair | None:
@@ -350,23 +365,32 @@ def _in_the_way(at: Situation) -> Repair | None:
     kind = at.found.type
     closes_nothing = kind in CLOSERS and all(b.type != CLOSERS[kind] for b in at.open_brackets)
     ends_nothing = kind == "SEMICOLON" and words.begins_statement(at.accepts)
-    if not (closes_nothing or ends_nothing):
-        return None
+    return _in_excess(at) if closes_nothing or ends_nothing else None
+
+
+def _in_excess(at: Situation) -> Repair:
     after = "" if at.previous is None else str(at.previous)
-    problem = errors.UnexpectedToken(at.place, "", after, words.found(kind, at.found), ("remove it",))
+    problem = errors.UnexpectedToken(
+        at.place, "", after, words.found(at.found.type, at.found), ("remove it",)
+    )
     return Repair(problem, (), at.stop)
 
 
 def _left_out(at: Situation) -> Repair | None:
-    """One or two tokens that would let the text go on."""
+    """One or two tokens to put in, or a sign to leave out; the choice with which most of the text can be read."""
     if words.begins_statement(at.accepts):
         return None
-    for insert in (*((t,) for t in words.PHRASES if t in at.accepts), *_INSERTIONS):
-        if at.goes_on_after(*insert):
-            bracket = at.innermost(CLOSERS[insert[0]]) if insert[0] in CLOSERS else None
-            advice = ("write `()` where there is nothing to give",) if insert == ("LPAR", "RPAR") else ()
-            return Repair(_general(at, advice, bracket), insert, at.start)
-    return _on_to_the_brace(at, _general(at))
+    changes = [((t,), at.start) for t in words.PHRASES if t in at.accepts] + [(t, at.start) for t in _PAIRS]
+    if at.found.type in (*CLOSERS, "COMMA", "SEMICOLON"):
+        changes += [((), at.stop)]
+    insert, resume = max(changes, key=lambda change: at.reach(*change))
+    if not at.reach(insert, resume):
+        return _on_to_the_brace(at, _general(at))
+    if resume == at.stop:
+        return _in_excess(at)
+    bracket = at.innermost(CLOSERS[insert[0]]) if insert[0] in CLOSERS else None
+    advice = ("write `()` where there is nothing to give",) if insert == ("LPAR", "RPAR") else ()
+    return Repair(_general(at, advice, bracket), insert, resume)
 
 
 def _on_to_the_brace(at: Situation, problem: Problem) -> Repair | None:
@@ -399,6 +423,7 @@ RULES: tuple[Rule, ...] = (
     _primes,
     _power_sign,
     _misplaced_unit,
+    _half_a_unit,
     _chained_comparison,
     _unclosed_at_end,
     _unclosed_at_definition,

@@ -1,6 +1,7 @@
 """A syntax error as the rules of `repairs.py` see it, and what they answer.
 
-The rules look at the text and at the tokens around; of the parser they only ask "could you read this now?" (`fits`).
+The rules look at the text and at the tokens around; of the parser they only ask "could you read these terminals now?"
+(`fits`) and "with these put in, how many tokens of the text from here on could you read?" (`reach`, up to a limit).
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from dataclasses import dataclass
 
 from lark import Token, Tree
 
-from hierc.grammar import words
 from hierc.grammar.problems import Problem
 from hierc.grammar.source import SourceFile, Span
 
@@ -23,8 +23,8 @@ CLOSERS = {"RPAR": "LPAR", "RSQB": "LSQB", "RBRACE": "LBRACE"}
 class Situation:
     """The parser cannot take `found`, only one of `accepts`.
 
-    `before` are all tokens read, `pending` those still on the parser's stack, `operands` its three topmost entries;
-    `vocabulary` maps each word of the language to its terminal.
+    `before` are all tokens read, `pending` those still on the parser's stack; `operands` are the three topmost entries
+    after the reductions that `found` has led to; `vocabulary` maps each word of the language to its terminal.
     """
 
     source: SourceFile
@@ -35,6 +35,7 @@ class Situation:
     operands: tuple[Token | Tree[Token], ...]
     vocabulary: Mapping[str, str]
     fits: Callable[..., bool]
+    reach: Callable[[tuple[str, ...], int], int]
 
     @property
     def previous(self) -> Token | None:
@@ -59,12 +60,6 @@ class Situation:
     def matched(self, pattern: str, start: int | None = None) -> re.Match[str] | None:
         """The text from the token found on, or from `start`, against a pattern."""
         return re.compile(pattern).match(self.source.text, self.start if start is None else start)
-
-    def goes_on_after(self, *terminals: str) -> bool:
-        """Whether the token found can be read once `terminals` are put in before it."""
-        if (word := self.found.upper()) in words.CONTEXT_WORDS and self.fits(*terminals, word):
-            return True
-        return self.fits(*terminals, self.found.type)
 
     @property
     def is_word(self) -> bool:
