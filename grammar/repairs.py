@@ -43,7 +43,267 @@ def literal_problems(source: SourceFile, token: Token) -> Iterator[Problem]:
 
 # ---- characters and literals --------------------------------------------------------------------
 
-_OTHER
+_OTHER_SIGNS = {
+    "&&": "write `and`",
+    "||": "write `or`",
+    "&": "write `and`",
+    "|": "write `or`",
+    "!": "write `not`",
+    "%": "write `mod(a, b)`",
+    "#": "comments begin with `//`",
+    "\\": "division is written `/`",
+}
+
+
+def _unclosed_string(at: Situation) -> Repair | None:
+    if at.found.type != JUNK or at.found != '"':
+        return None
+    line = at.matched(r"[^\n]*")
+    stop = line.end() if line else at.stop
+    insert = ("STRING",) if at.fits("STRING") else None
+    return Repair(errors.UnclosedString(Span(at.source, at.start, stop)), insert, stop)
+
+
+def _strange_characters(at: Situation) -> Repair | None:
+    if at.found.type != JUNK:
+        return None
+    if at.found.isalpha():
+        return _strange_name(at)
+    match = at.matched(r"&&|\|\||[^\x21-\x7e\s\w]+|.")
+    stop = match.end() if match else at.stop
+    text = at.source.text[at.start : stop]
+    advice = (_OTHER_SIGNS[text],) if text in _OTHER_SIGNS else ()
+    problem = errors.UnexpectedCharacter(Span(at.source, at.start, stop), text, advice)
+    return Repair(problem, ("ADD",) if at.fits("ADD") and text in _OTHER_SIGNS else (), stop)
+
+
+def _strange_name(at: Situation) -> Repair:
+    """A word with letters beyond ASCII, of which the beginning may have been read as a name."""
+    previous = at.previous
+    start = at.start
+    if previous and previous.type == "NAME" and previous.end_pos == start:
+        start = previous.start_pos or 0
+    match = at.matched(r"\w+", start)
+    stop = match.end() if match else at.stop
+    problem = errors.StrangeName(Span(at.source, start, stop))
+    return Repair(problem, ("NAME",) if at.fits("NAME") else (), stop)
+
+
+def _number_without_digit(at: Situation) -> Repair | None:
+    if at.found.type != "DOT":
+        return None
+    if (match := at.matched(r"\.[0-9]+([eE][+-]?[0-9]+)?")) and at.fits("NUMBER"):
+        place = Span(at.source, *match.span())
+        return Repair(
+            errors.NumberWithoutDigit(place, match.group(), True), ("NUMBER",), match.end(), sure=True
+        )
+    previous = at.previous
+    if previous and previous.type == "NUMBER" and previous.end_pos == at.start:
+        match = at.matched(r"\.([eE][+-]?[0-9]+)?(?!\w)")
+        if match is None:
+            return None
+        place = Span(at.source, previous.start_pos or 0, match.end())
+        return Repair(errors.NumberWithoutDigit(place, place.text, False), (), place.stop, sure=True)
+    return None
+
+
+# ---- habits of other languages ------------------------------------------------------------------
+
+_MODELICA = {
+    "connect": "write a coupling where the agent is used: `agent b = B() [input := a.output];`",
+    "extends": "write the other agent's text here, or contain it: `agent part = Part();`",
+    "der": "write `x' = …;` under `diff`",
+    "equation": "write equations under `diff { … }` and `alge { … }`",
+    "model": "write `agent Name() { … }`",
+    "parameter": "write parameters in parentheses: `agent Name(real k = 1) { … }`",
+}
+_CHARON = {
+    "readWrite": "declare it `write` in one agent, `read` in the others",
+    "chan": "couple agents by `[input := a.output]`",
+}
+
+
+def _derivative_call(at: Situation) -> Repair | None:
+    previous = at.previous
+    if previous is None or previous not in ("d", "der") or not at.fits("PRIME", "_EQUAL"):
+        return None
+    match = at.matched(r"(d|der)\s*\(\s*([A-Za-z_]\w*)\s*\)\s*==?", previous.start_pos)
+    if match is None:
+        return None
+    place = Span(at.source, *match.span())
+    if previous == "d":
+        return Repair(errors.CharonDerivative(place, match[2]), ("PRIME", "_EQUAL"), match.end(), sure=True)
+    problem = errors.ModelicaForm(place, "der", f"write `{match[2]}' = …;`")
+    return Repair(problem, ("PRIME", "_EQUAL"), match.end(), sure=True)
+
+
+def _foreign_word(at: Situation) -> Repair | None:
+    previous = at.previous
+    begins = previous is None or previous.type in ("SEMICOLON", "LBRACE", "RBRACE")
+    word = str(at.found)
+    if not begins and word != "extends":
+        return None
+    if word in ("entry", "exit"):
+        return Repair(errors.CharonControlPoint(at.place), None, at.start)
+    if word in _MODELICA:
+        problem = errors.ModelicaForm(at.place, word, _MODELICA[word])
+        return _on_to_the_brace(at, problem) or Repair(problem, None, at.start)
+    if word in _CHARON:
+        return Repair(errors.CharonForm(at.place, word, _CHARON[word]), None, at.start)
+    return None
+
+
+# ---- signs --------------------------------------------------------------------------------------
+
+
+def _equals_signs(at: Situation) -> Repair | None:
+    if at.found in (":=", "==") and at.fits("_EQUAL"):
+        return Repair(
+            errors.AssignmentSign(at.place, _subject(at), str(at.found)), ("_EQUAL",), at.stop, sure=True
+        )
+    if at.found in ("=", "==") and at.fits("_ASSIGN"):
+        return Repair(errors.EquationSign(at.place), ("_ASSIGN",), at.stop, sure=True)
+    return None
+
+
+def _subject(at: Situation) -> str:
+    """What the statement around is called, in the plural."""
+    if at.innermost("LPAR"):
+        return "parameters and arguments"
+    kinds = [token.type for token in at.pending]
+    statement = kinds[max((i for i, kind in enumerate(kinds) if kind == "LBRACE"), default=-1) + 1 :]
+    if "LET" in statement or "CONST" in statement or "FUNC" in statement:
+        return "definitions"
+    if "ACCESS" in statement:
+        return "initial values"
+    return "settings" if "EXPERIMENT" in kinds else "equations"
+
+
+def _primes(at: Situation) -> Repair | None:
+    previous = at.previous
+    if previous is None:
+        return None
+    if at.found.type == "_EQUAL" and at.fits("PRIME", "_EQUAL"):
+        advice = (f"write `{previous}' = …;`", "an equation without a derivative belongs under `alge`")
+        return Repair(_general(at, advice, expected="`'`"), ("PRIME",), at.start)
+    if at.found.type == "PRIME" and at.fits("_EQUAL") and at.matched(r"'\s*="):
+        return Repair(_general(at, ("derivatives belong under `diff`",)), (), at.stop)
+    return None
+
+
+def _power_sign(at: Situation) -> Repair | None:
+    previous = at.previous
+    if previous is None or not previous == at.found == "*" or previous.end_pos != at.start:
+        return None
+    return Repair(_general(at, ("a power is written `^`",)), (), at.stop, sure=True)
+
+
+def _misplaced_unit(at: Situation) -> Repair | None:
+    if at.found.type != "UNIT" or at.previous is None:
+        return None
+    if at.previous.type not in ("RPAR", "RSQB", "PRIME", "TIME", "BOOL") or re.search(r":=|,|=", at.found):
+        return None
+    return Repair(errors.MisplacedUnit(at.place), (), at.stop, sure=True)
+
+
+_FACTOR = r"(?:1|%|[A-Za-zµΩ°]+)(?:\^-?[0-9.]+)?"
+_HALF_A_UNIT = rf"(\[\s*)?{_FACTOR}(?:[*/]{_FACTOR})*(?(1)|\s*\])"
+
+
+def _half_a_unit(at: Situation) -> Repair | None:
+    """`[m/s = 0` or `m/s] = 0` where a unit may stand."""
+    match = at.matched(_HALF_A_UNIT)
+    if match is None or not at.fits("UNIT") or (not match[1] and at.innermost("LSQB")):
+        return None
+    problem = errors.HalfAUnit(Span(at.source, *match.span()), match.group().strip("[] \t"))
+    return Repair(problem, ("UNIT",), match.end(), sure=True)
+
+
+def _chained_comparison(at: Situation) -> Repair | None:
+    if at.found.type != "CMP" or len(at.operands) < 3:
+        return None
+    left, sign, _ = at.operands
+    if not (isinstance(left, Tree) and isinstance(sign, Token) and sign.type == "CMP"):
+        return None
+    begin, split = getattr(left.meta, "container_start_pos", left.meta.start_pos), sign.start_pos or 0
+    text = at.source.text
+    middle = text[split + len(sign) : at.start].strip()
+    follows = at.matched(r"\s*([\w.']+)", at.stop)
+    right = follows[1] if follows else "…"
+    instead = f"{text[begin:split].strip()} {sign} {middle} and {middle} {at.found} {right}"
+    problem = errors.ChainedComparison(at.place, " ".join(instead.split()))
+    return Repair(problem, ("ADD",) if at.fits("ADD") else None, at.stop)
+
+
+# ---- blocks -------------------------------------------------------------------------------------
+
+
+def _unclosed_at_end(at: Situation) -> Repair | None:
+    braces = [token for token in at.open_brackets if token.type == "LBRACE"]
+    if at.found.type != END or not braces:
+        return None
+    last = len(at.source.text.rstrip())
+    brace = _outdented(at) or braces[-1]
+    seen = Span(at.source, last, last)
+    return Repair(errors.UnclosedBrace(span_of(at.source, brace), seen, "the file ends here"), None, at.start)
+
+
+def _outdented(at: Situation) -> Token | None:
+    """The first `{` that was closed by a `}` standing further left: most likely its own is missing."""
+    stack: list[Token] = []
+    for token in at.before:
+        if token.type == "LBRACE":
+            stack.append(token)
+        elif token.type == "RBRACE" and stack:
+            brace = stack.pop()
+            if _begins_line(at.source, token) and _indent(at.source, token) < _indent(at.source, brace):
+                return brace
+    return None
+
+
+def _unclosed_at_definition(at: Situation) -> Repair | None:
+    """A definition inside an agent: the agent was not closed."""
+    braces = [token for token in at.open_brackets if token.type == "LBRACE"]
+    if not braces:
+        return None
+    start: int | None = None
+    if at.found.type in ("EXPERIMENT", "IMPORT", "FUNC", "EXTERN") and at.is_first_on_line:
+        start = at.start
+    elif at.found.type == "LPAR" and len(at.before) > 1 and at.before[-2].type == "AGENT":
+        start = at.before[-2].start_pos
+        if not at.matched(r"agent\s+\w+\s*\([^{};]*\)\s*\{", start):
+            return None
+    if start is None:
+        return None
+    match = at.matched(r"\w+", start)
+    seen = Span(at.source, start, match.end() if match else start)
+    problem = errors.UnclosedBrace(
+        span_of(at.source, _outdented(at) or braces[-1]), seen, "this cannot stand inside it"
+    )
+    return Repair(problem, None, start, closes_blocks=True)
+
+
+def _unclosed_at_outdent(at: Situation) -> Repair | None:
+    """A statement of the block outside, no further right than the line that opened the block inside."""
+    brace = at.innermost("LBRACE")
+    if brace is None or not at.is_word or not at.is_first_on_line or not at.reach(("RBRACE",), at.start):
+        return None
+    if _indent(at.source, at.found) > _indent(at.source, brace):
+        return None
+    problem = errors.UnclosedBrace(span_of(at.source, brace), at.place, "this cannot stand inside it")
+    return Repair(problem, ("RBRACE",), at.start)
+
+
+def _indent(source: SourceFile, token: Token) -> int:
+    text = source.line(source.position(token.start_pos or 0)[0])
+    return len(text) - len(text.lstrip())
+
+
+def _begins_line(source: SourceFile, token: Token) -> bool:
+    return _indent(source, token) == source.position(token.start_pos or 0)[1] - 1
+
+
+# ---- words --------------------------------------------------------------------------------------
 
 
 def _reserved_word(at: Situation) -> Repair | None:
