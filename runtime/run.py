@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.runtime import choice
 from hierc.runtime.contract import Plan
 from hierc.runtime.machine.forms import Wiring, wire
-from hierc.runtime.machine.program import build
+from hierc.runtime.machine.program import Announce, Program, build
 from hierc.runtime.methods.catalogue import METHODS
 from hierc.runtime.simulation import GroupSettings, Simulation, tighten
 from hierc.runtime.status import Status
@@ -22,6 +24,9 @@ from hierc.runtime.trajectory import GroupTrajectory
 Floats = NDArray[np.float64]
 #: Tolerances are tightened by the first for each reading edge, to the second at least.
 TIGHTEN = (0.3, 0.03)
+#: Steps of each group from which the probe learns.
+PROBE_STEPS = 24
+AUTO = "auto"
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,7 @@ class FinishedRun:
 
     @property
     def plan(self) -> Plan:
+        """The model's tables."""
         return self.system.plan
 
     def evaluate(self, paths: Sequence[str], t: Floats) -> dict[str, Floats]:
@@ -59,33 +65,71 @@ class FinishedRun:
         return result
 
 
-def run(
-    system: System,
-    settings: Mapping[str, Any],
-    groups: Mapping[str, Mapping[str, Any]],
-    most_steps: int | None = None,
-    progress: Callable[[float], None] | None = None,
-    announce: Callable[[str], None] | None = None,
-) -> FinishedRun:
-    """Integrate a system. `settings` holds start stop rtol atol method max_step min_step, `groups` what differs for single groups."""
-    plan = system.plan
-    start, stop = _finite("start", settings["start"]), _finite("stop", settings["stop"])
-    if not stop > start:
-        raise ValueError(f"stop ({stop:g} s) must be later than start ({start:g} s)")
-    wiring = wire(plan)
-    chosen = _group_settings(plan, wiring, settings, groups)
-    x = system.initial(start)
-    if not np.isfinite(x).all():
-        return _bad_start(system, x, start, stop)
-    program = build(plan.classes, [(w.form, s.method) for w, s in zip(wiring, chosen, strict=True)], announce)
-    simulation = Simulation(system, wiring, program, chosen, start, stop)
-    status = simulation.advance(progress, most_steps)
-    return FinishedRun(system, start, stop, simulation.reached, status, simulation.trajectories())
+@dataclass(frozen=True)
+class Engine:
+    """What runs of one plan have in common: its wiring, and the machine code built so far."""
+
+    plan: Plan
+    programs: dict[tuple[str, ...], Program] = field(default_factory=dict)
+
+    @cached_property
+    def wiring(self) -> tuple[Wiring, ...]:
+        """How the groups are connected, in cascade order."""
+        return wire(self.plan)
+
+    def program(self, methods: Sequence[str], announce: Announce | None) -> Program:
+        """Machine code for these methods, one a group."""
+        key = tuple(methods)
+        if key not in self.programs:
+            wanted = [(w.form, method) for w, method in zip(self.wiring, methods, strict=True)]
+            self.programs[key] = build(self.plan.classes, wanted, announce)
+        return self.programs[key]
+
+    def run(
+        self,
+        system: System,
+        settings: Mapping[str, Any],
+        groups: Mapping[str, Mapping[str, Any]],
+        most_steps: int | None = None,
+        progress: Callable[[float], None] | None = None,
+        announce: Announce | None = None,
+    ) -> FinishedRun:
+        """Integrate a system of this plan.
+
+        `settings` holds start stop rtol atol method max_step min_step, `groups` what differs for single groups. Raises ValueError for settings that
+        do not fit; a run that fails says so in its status.
+        """
+        start, stop = _finite("start", settings["start"]), _finite("stop", settings["stop"])
+        if not stop > start:
+            raise ValueError(f"stop ({stop:g} s) must be later than start ({start:g} s)")
+        chosen = group_settings(self.plan, self.wiring, settings, groups)
+        x = system.initial(start)
+        if not np.isfinite(x).all():
+            return _bad_start(system, x, start, stop)
+        simulation = self._begin(system, chosen, start, stop, announce)
+        status = simulation.advance(progress, most_steps)
+        return FinishedRun(system, start, stop, simulation.reached, status, simulation.trajectories())
+
+    def _begin(
+        self, system: System, chosen: list[GroupSettings], start: float, stop: float, announce: Announce | None
+    ) -> Simulation:
+        """A run about to begin, its methods chosen. Where the probe's methods stay, the probe is the run's beginning."""
+        probing = [replace(s, method=choice.FAVOURITE) if s.method == AUTO else s for s in chosen]
+        probe = Simulation(self, system, probing, start, stop, announce)
+        if all(s.method != AUTO for s in chosen):
+            return probe
+        probe.advance(most_steps=PROBE_STEPS)
+        decided = [
+            replace(s, method=choice.choose(learnt)) if s.method == AUTO else s
+            for s, learnt in zip(chosen, probe.learn(), strict=True)
+        ]
+        return probe if decided == probing else Simulation(self, system, decided, start, stop, announce)
 
 
-def _group_settings(
+def group_settings(
     plan: Plan, wiring: Sequence[Wiring], settings: Mapping[str, Any], groups: Mapping[str, Mapping[str, Any]]
 ) -> list[GroupSettings]:
+    """Settings of every group, checked, its tolerances tightened for those who read it. Raises ValueError."""
     factors = tighten(plan, wiring, *TIGHTEN)
     result = []
     for group, factor in zip(plan.groups, factors, strict=True):
@@ -95,12 +139,10 @@ def _group_settings(
             merged["atol"] = own["rtol"]
         rtol, atol = _positive("rtol", merged["rtol"]), _positive("atol", merged["atol"])
         method = merged["method"]
-        if method == "auto":
-            method = "radau9"
-        if method not in METHODS:
-            raise ValueError(f"unknown method `{method}`; there are auto, {', '.join(METHODS)}")
+        if method not in METHODS and method != AUTO:
+            raise ValueError(f"unknown method `{method}`; there are {AUTO}, {', '.join(METHODS)}")
         max_step = math.inf if merged["max_step"] == math.inf else _positive("max_step", merged["max_step"])
-        result.append(GroupSettings(method, rtol * factor, atol * factor, max_step, float(merged["min_step"])))
+        result.append(GroupSettings(method, rtol * factor, atol * factor, max_step, _finite("min_step", merged["min_step"])))
     return result
 
 
@@ -119,10 +161,7 @@ def _positive(name: str, value: object) -> float:
 
 def _bad_start(system: System, x: Floats, start: float, stop: float) -> FinishedRun:
     k = int(np.argmax(~np.isfinite(x)))
-    for node, first in system.offsets.items():
-        kind = system.kind(node)
-        if first <= k < first + len(kind.states):
-            path = system.plan.nodes[node].path
-            name = f"{path}.{kind.states[k - first]}" if path else kind.states[k - first]
-    status = Status("BAD_START", f"the initial value of `{name}` is not a finite number ({x[k]!r})")
+    name, line = system.state_at(k)
+    where = f" (line {line})" if line else ""
+    status = Status("BAD_START", f"the initial value of `{name}`{where} is not a finite number")
     return FinishedRun(system, start, stop, start, status, ())

@@ -7,22 +7,26 @@ from __future__ import annotations
 
 import ctypes
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hierc.runtime import records
+from hierc.runtime import choice, records
 from hierc.runtime.contract import Plan
 from hierc.runtime.machine.dialect import RecordArray, aligned
 from hierc.runtime.machine.forms import Wiring
-from hierc.runtime.machine.program import Program
+from hierc.runtime.machine.program import Announce
 from hierc.runtime.methods.catalogue import METHODS
 from hierc.runtime.segments import HEADER
 from hierc.runtime.status import Status
 from hierc.runtime.system import System
 from hierc.runtime.trajectory import GroupTrajectory
+
+if TYPE_CHECKING:
+    from hierc.runtime.run import Engine
 
 Floats = NDArray[np.float64]
 #: What one call of the kernel should take, s.
@@ -50,14 +54,16 @@ class Simulation:
 
     def __init__(
         self,
+        engine: Engine,
         system: System,
-        wiring: Sequence[Wiring],
-        program: Program,
         settings: Sequence[GroupSettings],
         start: float,
         stop: float,
+        announce: Announce | None = None,
     ) -> None:
-        self.system, self.wiring, self.program, self.settings = system, wiring, program, settings
+        self.system, self.wiring, self.settings = system, engine.wiring, settings
+        self.program = engine.program([s.method for s in settings], announce)
+        wiring = self.wiring
         self.start, self.stop = start, stop
         self.plan: Plan = system.plan
         self.initial = system.initial(start)
@@ -75,7 +81,7 @@ class Simulation:
         # The first window lets every group take one step; later ones count steps.
         self.run["window"][0] = np.nextafter(start, stop)
         prototype = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
-        self._advance: Callable[[int, int], float] = prototype(program.advance)
+        self._advance: Callable[[int, int], float] = prototype(self.program.advance)
         self._budget = 64
 
     def _set_up(self, g: int, x: Floats) -> None:
@@ -189,6 +195,29 @@ class Simulation:
             first += n
         return tuple(result)
 
+    def learn(self) -> list[choice.Probe]:
+        """What the steps so far tell of each group."""
+        trajectories = self.trajectories()
+        jacobians = [
+            self.system.jacobian(t, np.concatenate([tr(np.array([t]))[0] for tr in trajectories]))
+            for t in (self.start, self.reached)
+        ]
+        probes = []
+        for g, (trajectory, wiring) in enumerate(zip(trajectories, self.wiring, strict=True)):
+            sizes = np.diff(trajectory.knots)
+            own = self._slice_of(g)
+            probes.append(
+                choice.Probe(
+                    step=float(np.median(sizes[len(sizes) // 2 :])) if len(sizes) else self.stop - self.start,
+                    spectral_radius=choice.spectral_radius([j[own, own] for j in jacobians]),
+                    states=wiring.form.states,
+                    flops=sum(self.plan.classes[c.kind].flops for c in wiring.form.calls if c.part < 0),
+                    linear=bool(self.groups["linear"][g]),
+                    tolerance=self.settings[g].rtol,
+                )
+            )
+        return probes
+
     # ---- failures -------------------------------------------------------------------------------
 
     def _failure(self, outcome: float) -> Status:
@@ -215,27 +244,23 @@ class Simulation:
         t = float(self.groups["t"][g])
         x = self._states_at(t, g)
         dx = self.system.rhs(t, x)
-        first = self.system.offsets[self.plan.groups[g].nodes[0]]
-        own = slice(first, first + self.wiring[g].form.states)
+        own = self._slice_of(g)
         bad = ~np.isfinite(dx[own]) | ~np.isfinite(x[own])
-        finite = not bad.any()
-        k = int(np.argmax(bad)) if not finite else int(np.argmax(np.abs(dx[own]) / (1.0 + np.abs(x[own]))))
-        for node in self.plan.groups[g].nodes:
-            kind = self.system.kind(node)
-            if k < len(kind.states):
-                path = self.plan.nodes[node].path
-                return (f"{path}.{kind.states[k]}" if path else kind.states[k]), kind.lines[k], finite
-            k -= len(kind.states)
-        raise AssertionError("no such state")
+        k = int(np.argmax(bad if bad.any() else np.abs(dx[own]) / (1.0 + np.abs(x[own]))))
+        return *self.system.state_at(own.start + k), not bad.any()
+
+    def _slice_of(self, g: int) -> slice:
+        """Where a group's states stand in the state vector."""
+        first = sum(w.form.states for w in self.wiring[:g])
+        return slice(first, first + self.wiring[g].form.states)
 
     def _states_at(self, t: float, g: int) -> Floats:
         """All states at the time of group g; later groups as far as they are known."""
         parts = [np.asarray(tr(np.array([min(t, tr.knots[-1])])))[0] for tr in self.trajectories()]
         x = np.concatenate(parts)
-        first = self.system.offsets[self.plan.groups[g].nodes[0]]
-        n = self.wiring[g].form.states
-        own = np.ctypeslib.as_array((ctypes.c_double * n).from_address(int(self.groups["x"][g])))
-        x[first : first + n] = own
+        own = self._slice_of(g)
+        current = (ctypes.c_double * (own.stop - own.start)).from_address(int(self.groups["x"][g]))
+        x[own] = np.ctypeslib.as_array(current)
         return x
 
 
@@ -246,6 +271,3 @@ def tighten(plan: Plan, wiring: Sequence[Wiring], per_edge: float, floor: float)
         for upstream, _ in wiring[g].channels:
             depth[upstream] = max(depth[upstream], depth[g] + 1)
     return [max(per_edge**d, floor) for d in depth]
-
-
-Choices = Mapping[str, object]

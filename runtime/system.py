@@ -82,6 +82,13 @@ class System:
         """p of each node: what depends on parameters alone."""
         return tuple(self._filled(n, self.kind(n).fill, self.kind(n).values) for n in range(len(self.plan.nodes)))
 
+    def state_at(self, k: int) -> tuple[str, int]:
+        """Path of scalar state k of the state vector, and the line of its equation."""
+        node = next(n for n in reversed(self.order) if self.offsets[n] <= k and self.kind(n).states)
+        kind, path = self.kind(node), self.plan.nodes[node].path
+        index = k - self.offsets[node]
+        return (f"{path}.{kind.states[index]}" if path else kind.states[index]), kind.lines[index]
+
     def nominal(self, node: int) -> list[float]:
         """Error scale of each state of a node."""
         kind = self.kind(node)

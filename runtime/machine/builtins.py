@@ -37,7 +37,8 @@ _LIBM = {
 }  # fmt: skip
 _OVER_LANES = {"sin": vectormath.sin, "cos": vectormath.cos, "exp": vectormath.exp}
 
-_PYTHON = {"float", "int", "abs", "max", "min"}
+#: Python's own functions that the dialect keeps.
+PYTHON = frozenset({"float", "int", "abs", "max", "min"})
 
 
 def is_builtin(known: Any) -> bool:
@@ -45,10 +46,15 @@ def is_builtin(known: Any) -> bool:
     return getattr(known, "__module__", None) == dialect.__name__
 
 
+def arity(name: str) -> int | None:
+    """How many arguments `math.name` takes; None if the dialect has no such function."""
+    return 2 if name == "copysign" else 1 if name in _EXACT else _LIBM.get(name)
+
+
 def elementary(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> Operand:
     """`math.name(args)`."""
-    arity = 2 if name == "copysign" else 1 if name in _EXACT else _LIBM.get(name)
-    if arity is None or arity != len(args):
+    count = arity(name)
+    if count is None or count != len(args):
         raise UnsupportedCode(f"line {getattr(node, 'lineno', '?')}: math.{name} with {len(args)} arguments")
     values = [low.math.convert(a, Float()) if not isinstance(a, Value) else a for a in args]
     lanes = max(v.type.lanes if isinstance(v.type, Float) else 1 for v in values)
@@ -57,7 +63,7 @@ def elementary(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> 
         return _intrinsic(low, _EXACT[name], values)
     if lanes > 1 and name in _OVER_LANES:
         return low.call_function(_OVER_LANES[name], values)
-    function = _libm(low, name, arity)
+    function = _libm(low, name, count)
     if lanes == 1:
         return Value(low.builder.call(function, [v.ir for v in values]), Float())
     each = [

@@ -7,6 +7,7 @@ records. Everything here also works under CPython, with numpy arrays for lanes a
 from __future__ import annotations
 
 import ctypes
+import functools
 import math
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar, get_type_hints
@@ -37,6 +38,7 @@ class Record:
     """
 
     @classmethod
+    @functools.cache
     def fields(cls) -> dict[str, Any]:
         """Field names and their annotated types, in order of layout."""
         return get_type_hints(cls, include_extras=True)

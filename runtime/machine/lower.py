@@ -54,6 +54,8 @@ _FOLD: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
 }
 _PREDICATES = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 
+#: Where locals live, and their types.
+Slots = dict[str, tuple[ir.Value, Type]]
 #: How the lowering finds or makes the functions it calls: LLVM function, types of its arguments, type of its result.
 Resolver = Callable[[Callable[..., Any]], tuple[ir.Function, tuple[Type, ...], Type | None]]
 
@@ -79,7 +81,8 @@ class Lowering:
         self.entry = function.append_basic_block("entry")
         self.builder = ir.IRBuilder(self.entry)
         self.math = Arithmetic(self.builder, contract)
-        self.slots: dict[str, tuple[ir.Value, Type]] = {}
+        self.slots: Slots = {}
+        self.outside: frozenset[str] = frozenset()  # locals older than the loop
         self.constants: dict[str, int | float] = {}
         self.loops: list[tuple[ir.Block, ir.Block]] = []  # (continue, break) targets
         for argument, (name, kind) in zip(function.args, arguments.items(), strict=True):
@@ -148,20 +151,35 @@ class Lowering:
         if isinstance(condition.type, Bool) and condition.type.lanes > 1:
             self.blend(condition, body, orelse)
             return
-        with_else = bool(orelse)
-        then = self.function.append_basic_block("then")
-        other = self.function.append_basic_block("else") if with_else else None
-        after = self.function.append_basic_block("after")
-        self.builder.cbranch(self.math.truth(condition).ir, then, other or after)
+        then, other, after = (self.function.append_basic_block(n) for n in ("then", "else", "after"))
+        self.builder.cbranch(self.math.truth(condition).ir, then, other)
+        ends: list[tuple[ir.Block, Slots]] = []
+        before = self.slots
         for start, statements in ((then, body), (other, orelse)):
-            if start is not None:
-                self.builder.position_at_end(start)
-                self.block(statements)
-                if not self.builder.block.is_terminated:
-                    self.builder.branch(after)
+            self.slots = dict(before)
+            self.builder.position_at_end(start)
+            self.block(statements)
+            if not self.builder.block.is_terminated:
+                ends.append((self.builder.block, self.slots))
+        self.slots = self._join([slots for _, slots in ends])
+        for end, slots in ends:
+            self.builder.position_at_end(end)
+            for name, (slot, kind) in slots.items():
+                if self.slots[name][0] is not slot:
+                    value = Value(self.builder.load(slot, typ=llvm_type(kind)), kind)
+                    self.builder.store(self.math.convert(value, self.slots[name][1]).ir, self.slots[name][0])
+            self.builder.branch(after)
         self.builder.position_at_end(after)
-        if not any(b.is_terminated and after in b.terminator.operands for b in self.function.blocks):
+        if not ends:
             self.builder.unreachable()
+
+    def _join(self, sides: Sequence[Slots]) -> Slots:
+        """Where locals are after both sides of a branch: in the slot that holds every side's value."""
+        joined: Slots = {}
+        for name, (slot, kind) in (item for slots in sides for item in slots.items()):
+            if name not in joined or self.math.common(kind, joined[name][1]) != joined[name][1]:
+                joined[name] = (slot, kind)
+        return joined
 
     def blend(self, mask: Value, body: list[ast.stmt], orelse: list[ast.stmt]) -> None:
         """Both sides of a branch that differs from lane to lane, then lane by lane the chosen one."""
@@ -189,12 +207,17 @@ class Lowering:
         self.builder.position_at_end(head)
         self.builder.cbranch(self.math.truth(self.expression(test)).ir, inside, after)
         self.builder.position_at_end(inside)
-        self.loops.append((head, after))
-        self.block(body)
-        self.loops.pop()
+        self.loop_body(body, head, after)
         if not self.builder.block.is_terminated:
             self.builder.branch(head)
         self.builder.position_at_end(after)
+
+    def loop_body(self, body: list[ast.stmt], again: ir.Block, after: ir.Block) -> None:
+        outside, self.outside = self.outside, frozenset(self.slots)
+        self.loops.append((again, after))
+        self.block(body)
+        self.loops.pop()
+        self.outside = outside
 
     def for_loop(self, name: str, kind: str, bounds: list[Operand], body: list[ast.stmt], node: ast.stmt) -> None:
         first, last = (0, bounds[0]) if len(bounds) == 1 else (bounds[0], bounds[1])
@@ -213,9 +236,7 @@ class Lowering:
         self.builder.position_at_end(head)
         self.builder.cbranch(self.builder.icmp_signed("<", self._load_name(name).ir, stop.ir), inside, after)
         self.builder.position_at_end(inside)
-        self.loops.append((step, after))
-        self.block(body)
-        self.loops.pop()
+        self.loop_body(body, step, after)
         if not self.builder.block.is_terminated:
             self.builder.branch(step)
         self.builder.position_at_end(step)
@@ -292,7 +313,7 @@ class Lowering:
     def binary(self, op: ast.operator, a: Operand, b: Operand, node: ast.AST) -> Operand:
         if type(op) not in _FOLD:
             raise _refused(node)
-        if not isinstance(a, Value) and not isinstance(b, Value):
+        if not isinstance(a, Value) and not isinstance(b, Value) and not (isinstance(op, ast.Div) and b == 0):
             folded: int | float = _FOLD[type(op)](a, b)
             return folded
         return self.math.binary(type(op).__name__, a, b)
@@ -389,6 +410,8 @@ class Lowering:
         slot, kind = self.slots[name]
         if kind != value.type and isinstance(value.type, Float) and value.type.lanes > 1 and isinstance(kind, Float):
             # A local that begins as a scalar and goes on in lanes gets a wider slot.
+            if name in self.outside:
+                raise UnsupportedCode(f"{name!r} is a scalar before a loop and has lanes within it")
             with self.builder.goto_entry_block():
                 self.slots[name] = (self.builder.alloca(llvm_type(value.type)), value.type)
             slot, kind = self.slots[name]
@@ -410,7 +433,7 @@ class Lowering:
                 return self.each_lane(node.args[0], [self.math.value(self.expression(a)) for a in node.args[1:]])
             case ast.Name(id=name):
                 known = self.names.get(name)
-                if known is None or builtins.is_builtin(known):
+                if builtins.is_builtin(known) or (known is None and name in builtins.PYTHON):
                     return builtins.call(self, name, [self.expression(a) for a in node.args], node)
                 if isinstance(known, Emitted):
                     return self.call_emitted(known, [self.expression(a) for a in node.args])

@@ -6,7 +6,6 @@ method, the processor and LLVM. What is found there needs no lowering.
 
 from __future__ import annotations
 
-import ast
 import functools
 import hashlib
 import inspect
@@ -20,6 +19,7 @@ from typing import Any
 from hierc.runtime.contract import Class
 from hierc.runtime.files import cache_folder, write_whole
 from hierc.runtime.kernel import advance
+from hierc.runtime.machine.allowed import check_class
 from hierc.runtime.machine.compose import Composer, Form
 from hierc.runtime.machine.unit import Loaded, Unit, compile_object, machine_key, parse_function
 from hierc.runtime.methods.catalogue import METHODS
@@ -81,6 +81,8 @@ def _kernel() -> tuple[dict[str, Any], Unit]:
 
 
 def _form(label: str, classes: tuple[Class, ...], form: Form, method: Method) -> tuple[dict[str, Any], Unit]:
+    for kind in {call.kind for call in form.calls + form.publishing}:
+        check_class(classes[kind])
     unit = Unit(label)
     composer = Composer(unit, label, form, classes, parse_function, method.lanes)
     names, work, linear = method.names(composer)
@@ -135,8 +137,3 @@ def _runtime_digest() -> str:
     files = [*here.glob("*.py"), *here.parent.glob("methods/*.py")]
     files += [here.parent / f"{name}.py" for name in ("kernel", "records", "segments", "control")]
     return hashlib.sha256(b"\0".join(f.read_bytes() for f in sorted(files))).hexdigest()
-
-
-def functions_of(kind: Class) -> list[ast.FunctionDef]:
-    """Syntax trees of all functions of a class."""
-    return [parse_function(f) for f in (kind.rhs, kind.jac, *(p.function for p in kind.parts))]

@@ -1,0 +1,158 @@
+"""What the functions of a generated module may say: checked before any of it is lowered.
+
+In: a class. Guaranteed of one that passes: its functions hold nothing but arithmetic, comparisons, choices and elementary functions of floats; every index is a
+constant within its array; every name is set once on every path and before it is read; every entry of the output is set. So the machine code made from it
+touches only the memory it is given, calls only the C library's mathematics, and ends. Anything else is refused; nothing is executed.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+from collections.abc import Callable, Collection, Mapping
+
+from hierc.runtime.contract import Class
+from hierc.runtime.machine.builtins import arity
+from hierc.runtime.machine.types import UnsupportedCode
+from hierc.runtime.machine.unit import parse_function
+
+#: Entries that may be read, by array.
+Readable = Mapping[str, Collection[int]]
+_ARITHMETIC = (ast.Add, ast.Sub, ast.Mult, ast.Div)
+_ORDER = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
+#: Python's own functions, with their number of arguments.
+_PYTHON = {"float": 1, "abs": 1, "max": 2, "min": 2}
+#: Names that no local may take.
+_RESERVED = {"t", "math", *_PYTHON}
+
+
+@functools.cache
+def check_class(kind: Class) -> None:
+    """Raise UnsupportedCode where a function that is lowered, or the tables it belongs to, are not as the contract has them."""
+    n, m = len(kind.states), kind.inputs
+    arrays: Readable = {"x": range(n), "u": range(m), "d": (), "p": range(kind.values)}
+    _check(kind.rhs, arrays, "dx", range(n))
+    _check(kind.jac, arrays, "J", range(len(kind.pattern)))
+    for part in kind.parts:
+        if not set(part.inputs) <= set(range(m)) or not set(part.outs) <= set(range(kind.outs)):
+            raise UnsupportedCode(f"{kind.name}: a part with inputs {part.inputs} and outs {part.outs}")
+        _check(part.function, {**arrays, "u": part.inputs}, "y", part.outs)
+    for row, column in kind.pattern:
+        if not (0 <= row < n + kind.outs and 0 <= column < n + m):
+            raise UnsupportedCode(f"{kind.name}: entry ({row}, {column}) of the Jacobian")
+
+
+def _check(function: Callable[..., None], arrays: Readable, output: str, entries: Collection[int]) -> None:
+    check_function(parse_function(function), arrays, output, entries)
+
+
+def check_function(
+    definition: ast.FunctionDef, arrays: Readable, output: str, entries: Collection[int]
+) -> None:
+    """Check one function (t, *arrays, output) that sets just these entries of its output."""
+    expected = ["t", *arrays, output]
+    signature = definition.args
+    given = [a.arg for a in signature.args]
+    if given != expected or ast.unparse(signature) != ", ".join(expected) or definition.decorator_list:
+        raise UnsupportedCode(
+            f"line {definition.lineno}: {definition.name} must take just ({', '.join(expected)})"
+        )
+    known = _Checker(arrays, output, entries).block(definition.body, frozenset())
+    if missing := [k for k in entries if f"{output}[{k}]" not in known]:
+        raise UnsupportedCode(f"line {definition.lineno}: {definition.name} never sets {output}[{missing[0]}]")
+
+
+class _Checker:
+    """Walks one function. `known` is what is set: names, and entries of the output as `dx[0]`."""
+
+    def __init__(self, arrays: Readable, output: str, entries: Collection[int]) -> None:
+        self.arrays, self.output, self.entries = arrays, output, entries
+        self.reserved = {*_RESERVED, *arrays, output}
+
+    def block(self, body: list[ast.stmt], known: frozenset[str]) -> frozenset[str]:
+        """What is set after some statements."""
+        for statement in body:
+            match statement:
+                case ast.Assign(targets=[target], value=value):
+                    self.number(value, known)
+                    name = self.target(target)
+                    if name in known:
+                        raise _refused(statement, f"{name} is set twice")
+                    known |= {name}
+                case ast.If(test=test, body=then, orelse=orelse):
+                    self.condition(test, known)
+                    known = self.block(then, known) & self.block(orelse, known)
+                case ast.Pass() | ast.Expr(value=ast.Constant(value=str())):
+                    pass
+                case _:
+                    raise _refused(statement)
+        return known
+
+    def target(self, node: ast.expr) -> str:
+        """The name, or entry of the output, that an assignment sets."""
+        match node:
+            case ast.Name(id=name) if name not in self.reserved:
+                return name
+            case ast.Subscript(value=ast.Name(id=array), slice=ast.Constant(value=int(k))) if array == self.output:
+                if k in self.entries and not isinstance(k, bool):
+                    return f"{array}[{k}]"
+                raise _refused(node, "no such entry")
+            case _:
+                raise _refused(node, "cannot be set")
+
+    def number(self, node: ast.expr, known: frozenset[str]) -> None:
+        """Check an expression that is a number."""
+        match node:
+            case ast.Constant(value=bool()):
+                raise _refused(node)
+            case ast.Constant(value=float() | int()):
+                pass
+            case ast.Name(id=name):
+                if name != "t" and name not in known:
+                    raise _refused(node, "read before it is set")
+            case ast.Subscript(value=ast.Name(id=array), slice=ast.Constant(value=int(k))):
+                if k not in self.arrays.get(array, ()) or isinstance(k, bool):
+                    raise _refused(node, "no such entry")
+            case ast.BinOp(left=left, op=op, right=right) if isinstance(op, _ARITHMETIC):
+                self.number(left, known)
+                self.number(right, known)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                self.number(operand, known)
+            case ast.IfExp(test=test, body=then, orelse=orelse):
+                self.condition(test, known)
+                self.number(then, known)
+                self.number(orelse, known)
+            case ast.Call(func=function, args=args, keywords=[]) if len(args) == _arguments(function):
+                for argument in args:
+                    self.number(argument, known)
+            case _:
+                raise _refused(node)
+
+    def condition(self, node: ast.expr, known: frozenset[str]) -> None:
+        """Check an expression that is true or false."""
+        match node:
+            case ast.Compare(left=left, ops=[op], comparators=[right]) if isinstance(op, _ORDER):
+                self.number(left, known)
+                self.number(right, known)
+            case ast.BoolOp(values=values):
+                for value in values:
+                    self.condition(value, known)
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                self.condition(operand, known)
+            case _:
+                raise _refused(node, "not a condition")
+
+
+def _arguments(function: ast.expr) -> int | None:
+    """How many arguments a function takes that may be called."""
+    match function:
+        case ast.Attribute(value=ast.Name(id="math"), attr=name):
+            return arity(name)
+        case ast.Name(id=name):
+            return _PYTHON.get(name)
+    return None
+
+
+def _refused(node: ast.AST, why: str = "not allowed in a model's functions") -> UnsupportedCode:
+    text = ast.unparse(node).partition("\n")[0][:80]
+    return UnsupportedCode(f"line {getattr(node, 'lineno', '?')}: {text}: {why}")
