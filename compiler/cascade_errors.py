@@ -1,0 +1,169 @@
+"""Problems with levels, groups and their order (E6xx)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from hierc.grammar.problems import Label, Problem
+from hierc.grammar.source import Span
+
+LEVELS_NOTE = "levels run slowest first; a level may read itself and the levels above it"
+
+
+@dataclass(frozen=True)
+class BrokenCascade(Problem):
+    """A level reads a later one in a continuous equation."""
+
+    code = "E601"
+    explanation = (
+        "Levels are written slowest first, and the order is a promise: none depends continuously on a later one. That is what lets every "
+        "level run at its own step size. Two subsystems that need each other continuously belong into one level."
+    )
+    reader: str | None  # the agent that reads; None for a level with equations of its own
+    reader_level: str
+    source: str
+    source_level: str
+    read: str | None  # the read variable of the coupling
+    agents: bool  # whether both sides are agents
+
+    def title(self) -> str:
+        reader = (
+            f"`{self.reader}` (level `{self.reader_level}`)"
+            if self.reader
+            else f"level `{self.reader_level}`"
+        )
+        return f"{reader} reads `{self.source}`, which belongs to the later level `{self.source_level}`"
+
+    def remark(self) -> str:
+        if self.read is None:
+            return "used in a continuous equation"
+        return f"`{self.read}` is used in a continuous equation of `{self.reader or self.reader_level}`"
+
+    def notes(self) -> tuple[str, ...]:
+        return (LEVELS_NOTE,)
+
+    def help(self) -> tuple[str, ...]:
+        one_level = f"move both {'agents' if self.agents else 'parts'} into one level"
+        if self.read is None:
+            return (one_level,)
+        return (f"{one_level}, or read `{self.read}` only inside a `sample` block",)
+
+
+@dataclass(frozen=True)
+class LaterDerivative(Problem):
+    code = "E606"
+    explanation = "`x'` in a coupling is the right-hand side of `x`, known only where `x` is computed: in an earlier level, or in the same one."
+    text: str  # `goal_rate := plan.p'`
+    level: str
+    owner: str
+
+    def title(self) -> str:
+        return f"`{self.text}`: in level `{self.level}`, but `{self.owner}` comes later"
+
+    def notes(self) -> tuple[str, ...]:
+        return (LEVELS_NOTE,)
+
+
+@dataclass(frozen=True)
+class CyclicGroups(Problem):
+    code = "E603"
+    explanation = (
+        "Groups are integrated one after the other, each at its own step size, so they cannot depend on each other. Put what does into one "
+        "group."
+    )
+    groups: tuple[str, ...]
+    reads: tuple[tuple[str, Span], ...]  # what each group reads of the next, and where
+
+    def title(self) -> str:
+        names = [f"`{name}`" for name in self.groups]
+        reads = ", ".join(f"{name} reads `{text}`" for name, (text, _) in zip(names, self.reads, strict=True))
+        return f"groups {', '.join(names[:-1])} and {names[-1]} depend on each other ({reads})"
+
+    def labels(self) -> tuple[Label, ...]:
+        return tuple(
+            Label(span, f"`{name}` reads `{text}`")
+            for name, (text, span) in zip(self.groups, self.reads, strict=True)
+            if span != self.span
+        )
+
+    def help(self) -> tuple[str, ...]:
+        return ("put them into one group, or read one direction only inside a `sample` block",)
+
+
+@dataclass(frozen=True)
+class InTwoGroups(Problem):
+    code = "E604"
+    explanation = "Every agent of a level belongs to exactly one group."
+    name: str
+    first: str
+    second: str
+    first_span: Span
+
+    def title(self) -> str:
+        return f"`{self.name}` is in two groups, `{self.first}` and `{self.second}`"
+
+    def labels(self) -> tuple[Label, ...]:
+        return (Label(self.first_span, f"in group `{self.first}` here"),)
+
+
+@dataclass(frozen=True)
+class OutsideLevels(Problem):
+    code = "E605"
+    explanation = (
+        "An agent with levels keeps its sub-agents, states and `diff` blocks in them, so that it is clear where each stands. Only algebraic "
+        "`write` variables may stand outside, as observers."
+    )
+    agent: str
+    what: str  # `a `diff` of its own`, `a state of its own`, `an agent`
+
+    def title(self) -> str:
+        return f"agent `{self.agent}` has levels, so it cannot have {self.what} outside them"
+
+    def help(self) -> tuple[str, ...]:
+        return ("move it into a level, or into an agent in a level",)
+
+
+@dataclass(frozen=True)
+class TwoLevels(Problem):
+    code = "E607"
+    explanation = "A variable is declared and defined in one level."
+    name: str
+    declared: str
+    defined: str
+    declared_span: Span
+
+    def title(self) -> str:
+        return f"`{self.name}` is declared in {self.declared} and defined in {self.defined}"
+
+    def labels(self) -> tuple[Label, ...]:
+        return (Label(self.declared_span, "declared here"),)
+
+
+@dataclass(frozen=True)
+class NoSuchMember(Problem):
+    code = "E609"
+    explanation = (
+        "`group g = a, b.*;` names agents of one level of the agent it stands in: `a` itself, or all agents inside `b`. An agent that has "
+        "levels is not split or joined by `group`: its levels are its groups."
+    )
+    pattern: str
+    reason: str
+
+    def title(self) -> str:
+        return f"`{self.pattern}` cannot be a member of this group: {self.reason}"
+
+
+@dataclass(frozen=True)
+class LevelWithoutStates(Problem):
+    code = "W611"
+    severity: ClassVar[Literal["error", "warning"]] = "warning"
+    explanation = (
+        "What has no state is no group: it is computed by the groups that read it, at their step sizes."
+    )
+    level: str
+    reader: str | None
+
+    def title(self) -> str:
+        end = f"it will be merged with `{self.reader}`" if self.reader else "it is computed for results only"
+        return f"level `{self.level}` has no states; {end}"

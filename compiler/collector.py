@@ -1,0 +1,48 @@
+"""Collecting problems: early phases find all they can, then stop the compilation.
+
+A phase takes a `Collector`, adds what it finds, and calls `stop_on_errors` when it is done. `Rejected` leaves a single expression; the phase
+that asked for its value catches it, keeps the problem, and goes on with the next one.
+"""
+
+from __future__ import annotations
+
+from hierc.grammar.problems import ModelError, Problem
+from hierc.grammar.source import Span
+
+
+class Rejected(Exception):
+    """An expression has no value. `problem` is None when what it needs was reported already."""
+
+    def __init__(self, problem: Problem | None = None) -> None:
+        self.problem = problem
+        super().__init__(problem.title() if problem else "reported before")
+
+
+class Collector:
+    """Problems found so far, each once, in the order found."""
+
+    def __init__(self) -> None:
+        self._problems: dict[tuple[str, Span | None], Problem] = {}
+
+    def add(self, problem: Problem) -> None:
+        """Keep `problem`, unless the same code was already reported at the same place."""
+        self._problems.setdefault((problem.code, problem.span), problem)
+
+    def rejected(self, rejection: Rejected) -> None:
+        """Keep the problem that `rejection` carries, if any."""
+        if rejection.problem is not None:
+            self.add(rejection.problem)
+
+    def stop_on_errors(self) -> None:
+        """Raise ModelError with everything found, in source order, if any of it is an error."""
+        if any(p.severity == "error" for p in self._problems.values()):
+            raise ModelError(self.in_source_order())
+
+    def in_source_order(self) -> tuple[Problem, ...]:
+        """All problems by file and place."""
+        return tuple(sorted(self._problems.values(), key=_place))
+
+
+def _place(problem: Problem) -> tuple[str, int, int]:
+    span = problem.span
+    return ("", 0, 0) if span is None else (span.file.name, span.start, span.stop)

@@ -1,0 +1,108 @@
+"""Problems with experiments, settings and values given from outside (E9xx)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hierc.compiler.suggest import did_you_mean, listed
+from hierc.grammar.problems import Problem
+
+
+@dataclass(frozen=True)
+class UnknownSetting(Problem):
+    code = "E903"
+    explanation = "The settings of an experiment: stop start rtol atol interval max_step min_step method."
+    name: str
+    candidates: tuple[str, ...]
+
+    def title(self) -> str:
+        return f"unknown setting `{self.name}`"
+
+    def help(self) -> tuple[str, ...]:
+        return did_you_mean(self.name, self.candidates)
+
+
+@dataclass(frozen=True)
+class MatchesNothing(Problem):
+    code = "E904"
+    explanation = "`record` lists variables by path, such as `arm.q`, or all of an agent's, `arm.*`."
+    pattern: str
+    candidates: tuple[str, ...]
+
+    def title(self) -> str:
+        return f"`record {self.pattern}` matches nothing"
+
+    def help(self) -> tuple[str, ...]:
+        return did_you_mean(self.pattern, self.candidates)
+
+
+@dataclass(frozen=True)
+class UnknownExperiment(Problem):
+    code = "E908"
+    explanation = "The name given to `run` or `load` is that of an experiment of the file, or of an agent to run on its own."
+    name: str
+    candidates: tuple[str, ...]
+
+    def title(self) -> str:
+        return f"there is no experiment or agent `{self.name}`"
+
+    def help(self) -> tuple[str, ...]:
+        return did_you_mean(self.name, self.candidates) or (f"choose one of {listed(self.candidates)}",)
+
+
+@dataclass(frozen=True)
+class NoChoice(Problem):
+    """Nothing says which agent is the model."""
+
+    code = "E909"
+    explanation = (
+        "What runs is the experiment that was named; or the only experiment; or the only agent that no other agent contains. Where none "
+        "of these is there, say which."
+    )
+    experiments: tuple[str, ...]
+    agents: tuple[str, ...]
+
+    def title(self) -> str:
+        if not self.agents:
+            return "the file defines no agent, so there is nothing to run"
+        return "which agent is the model?"
+
+    def notes(self) -> tuple[str, ...]:
+        notes = (f"experiments: {listed(self.experiments)}",) if self.experiments else ()
+        return (
+            (*notes, f"agents that no other agent contains: {listed(self.agents)}") if self.agents else notes
+        )
+
+    def help(self) -> tuple[str, ...]:
+        return ("name one of them, or write an experiment",) if self.agents else ()
+
+
+@dataclass(frozen=True)
+class UnknownPath(Problem):
+    code = "E910"
+    explanation = "Paths in an experiment start in its agent: `cart.x` is variable `x` of sub-agent `cart`."
+    what: str  # `state`, `group`, `agent`
+    path: str
+    candidates: tuple[str, ...]
+
+    def title(self) -> str:
+        return f"there is no {self.what} `{self.path}`"
+
+    def help(self) -> tuple[str, ...]:
+        return did_you_mean(self.path, self.candidates)
+
+
+@dataclass(frozen=True)
+class WrongValue(Problem):
+    """A value from outside that does not fit a parameter, or a setting."""
+
+    code = "E911"
+    explanation = (
+        "A value given to a parameter has its type and shape; a setting is a number, `method` a name."
+    )
+    name: str
+    wanted: str
+    given: str
+
+    def title(self) -> str:
+        return f"`{self.name}` takes {self.wanted}, got {self.given}"

@@ -1,0 +1,51 @@
+"""Constants: operations on literals are carried out when compiling.
+
+Needed for sizes, indices, ranges and structural conditions, which must be literals in the end; harmless elsewhere, because the same double
+arithmetic is done as at run time.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Sequence
+
+from hierc.compiler.expression import Expr, Number, Operator
+
+
+def constant(expr: Expr) -> float | None:
+    """The value of a literal; None for anything that is not known when compiling. Booleans are 0.0 and 1.0."""
+    return expr.value if isinstance(expr, Number) else None
+
+
+def folded(op: Operator, args: Sequence[Expr]) -> float | None:
+    """The value of an operation on literals; None if an argument is no literal or the result is no finite real number."""
+    values = [arg.value for arg in args if isinstance(arg, Number)]
+    if len(values) < len(args):
+        return None
+    try:
+        result = float(_OPERATIONS[op](*values))
+    except (ArithmeticError, ValueError):
+        return None
+    return result if math.isfinite(result) else None
+
+
+def _sign(x: float) -> float:
+    return float((x > 0) - (x < 0))
+
+
+def _round(x: float) -> float:
+    """Half away from zero."""
+    return math.copysign(math.floor(abs(x) + 0.5), x)
+
+
+_OPERATIONS: dict[Operator, Callable[..., float]] = {
+    "add": operator.add, "sub": operator.sub, "mul": operator.mul, "div": operator.truediv, "neg": operator.neg, "pow": math.pow,
+    "sqrt": math.sqrt, "exp": math.exp, "log": math.log, "log10": math.log10,
+    "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos, "atan": math.atan,
+    "atan2": math.atan2, "sinh": math.sinh, "cosh": math.cosh, "tanh": math.tanh,
+    "abs": abs, "sign": _sign, "floor": math.floor, "ceil": math.ceil, "round": _round,
+    "mod": operator.mod, "quotient": lambda x, y: math.floor(x / y), "min": min, "max": max,
+    "lt": operator.lt, "le": operator.le, "gt": operator.gt, "ge": operator.ge, "eq": operator.eq, "ne": operator.ne,
+    "and": lambda a, b: bool(a) and bool(b), "or": lambda a, b: bool(a) or bool(b), "not": operator.not_,
+}  # fmt: skip

@@ -1,0 +1,128 @@
+"""The front half of the compiler: from a syntax tree to the structured model.
+
+It only calls the phases one after the other; each states its contract in its own module:
+
+    declarations  what is declared, by name             parameters   the parameter vector
+    names         every name is right                   flatten      scalar equations, couplings substituted
+    equations     one definition each                   loops        nothing needs itself
+    structural    which parameters are built in         nodes        each node in its own indices
+    constants     values of constants                   cascade      no level depends on a later one
+    experiments   which agent runs                      grouping     subsystems and their order
+    instances     the tree of agents
+
+A phase collects all problems it can find; the first phase with errors is the last one to run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from hierc.compiler.cascade import prove_cascade
+from hierc.compiler.collector import Collector, Rejected
+from hierc.compiler.constants import UNSHARED, file_constants
+from hierc.compiler.declarations import Library, declare
+from hierc.compiler.equations import check_equations
+from hierc.compiler.evaluate import Budget, Environment, Values
+from hierc.compiler.experiments import Choice, choose, resolve_experiment, resolve_gifts
+from hierc.compiler.flat import Flat
+from hierc.compiler.flatten import flatten
+from hierc.compiler.grouping import make_groups
+from hierc.compiler.instances import instances
+from hierc.compiler.loops import check_loops
+from hierc.compiler.model import Group, Model, Node, Source
+from hierc.compiler.names import Names, check_names
+from hierc.compiler.nodes import make_nodes
+from hierc.compiler.outside import Given, check_given
+from hierc.compiler.parameters import Parameters, make_parameters
+from hierc.compiler.structural import structural_parameters
+from hierc.grammar import tree
+from hierc.grammar.problems import ModelError
+
+
+def analyse(file: tree.File, *, experiment: str | None = None, overrides: Given | None = None) -> Model:
+    """The structured model of a file.
+
+    `experiment` names what runs (see `experiments.choose`). `overrides` gives parameters by path, numbers or nested lists in SI: all are checked for name, type and
+    shape, and those of structural parameters are built into the model; the others leave it as it is. Raises ModelError with all problems.
+    """
+    problems = Collector()
+    library = declare(file, problems)
+    problems.stop_on_errors()
+    names = check_names(library, problems)
+    check_equations(library, problems)
+    problems.stop_on_errors()
+    choice = choose(library, experiment, problems)
+    problems.stop_on_errors()
+    return _model(library, names, choice, overrides or {}, problems)
+
+
+def _model(library: Library, names: Names, choice: Choice, overrides: Given, problems: Collector) -> Model:
+    """Build the chosen model."""
+    budget = Budget()
+    constants = file_constants(library, names.consts, budget, problems)
+    try:
+        agents = instances(library, choice.agent)
+    except Rejected as rejection:
+        raise ModelError([rejection.problem] if rejection.problem else []) from None
+    gifts = resolve_gifts(library, choice.experiment, agents, problems)
+    problems.stop_on_errors()
+    parameters = make_parameters(
+        library,
+        names,
+        constants,
+        structural_parameters(library),
+        agents,
+        gifts.arguments,
+        overrides,
+        budget,
+        problems,
+    )
+    problems.stop_on_errors()
+    check_given(parameters.entries, overrides)
+    flat = flatten(
+        library, names, constants, agents, parameters, choice.experiment, gifts.initials, budget, problems
+    )
+    check_loops(flat, problems)
+    problems.stop_on_errors()
+    env = Environment(library, constants, Values(constants), UNSHARED, budget)
+    return _arranged(flat, parameters, choice, env, problems)
+
+
+def _arranged(
+    flat: Flat, parameters: Parameters, choice: Choice, env: Environment, problems: Collector
+) -> Model:
+    """Prove the cascade, group the nodes, and put everything in order."""
+    agent = choice.agent
+    made = make_nodes(flat)
+    local = made.nodes
+    cascade = prove_cascade(flat.instances, flat.nodes, local, problems)
+    problems.stop_on_errors()
+    grouping = make_groups(agent.name, flat.instances, flat.nodes, local, cascade, problems)
+    place = {old: new for new, old in enumerate(grouping.order)}
+    nodes = tuple(_moved(local[old].node, place) for old in grouping.order)
+    groups = tuple(Group(group.name, tuple(place[n] for n in group.nodes)) for group in grouping.groups)
+    variables = tuple(replace(v, elements=_sources(v.elements, place)) for v in made.variables)
+    experiment = resolve_experiment(choice.experiment, env, nodes, groups, variables, problems)
+    problems.stop_on_errors()
+    return Model(
+        name=agent.name,
+        doc=agent.definition.doc,
+        file=env.library.file.source.name,
+        parameters=parameters.entries,
+        parameter_count=parameters.count,
+        nodes=nodes,
+        groups=groups,
+        variables=variables,
+        experiment=experiment,
+        warnings=problems.in_source_order(),
+    )
+
+
+def _moved(node: Node, place: Mapping[int, int]) -> Node:
+    """A node with its new id, reading from nodes by their new ids."""
+    return replace(node, id=place[node.id], inputs=_sources(node.inputs, place))
+
+
+def _sources(sources: Iterable[Source], place: Mapping[int, int]) -> tuple[Source, ...]:
+    return tuple(replace(source, node=place[source.node]) for source in sources)

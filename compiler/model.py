@@ -1,0 +1,151 @@
+"""The structured model: what the front half of the compiler hands to the back half.
+
+In: syntax trees. Out: `Model`. Guaranteed: every name resolved, every shape agreed and every vector split into scalars, every variable
+defined exactly once, every read bound, inputs substituted down to the variables that are really read, nodes and groups acyclic and in
+execution order (`cascade.py` proved it). Arrays of agents will be nodes with an index range; nothing here is ever expanded per element.
+
+A *node* is the unit of grouping: an agent (all of it that is not in its levels or sub-agents), or a level with declarations of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from hierc.compiler.expression import Expr
+from hierc.grammar.problems import Problem
+from hierc.grammar.source import Span
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where an input comes from: a scalar of another node.
+
+    `state`: state `index` of `node`; `rate`: its derivative; `local`: definition `index` of `node` (an algebraic variable).
+    """
+
+    node: int
+    kind: Literal["state", "rate", "local"]
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """A `let` or algebraic variable of a node, one scalar of it: computed once, used by `Local`."""
+
+    name: str  # as the user writes it: `vc`, `tau[1]`
+    value: Expr
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class StateEquation:
+    """One scalar state: its derivative, initial value and error scale."""
+
+    name: str  # within the node: `x`, `p[2]`
+    rate: Expr
+    initial: (
+        Expr  # may use Parameter, Time (the start), Input and State (their initial values), Local of such
+    )
+    nominal: Expr  # Number or made of Parameter; 1.0 where not given
+    span: Span  # of the state's declaration
+    rate_span: Span  # of its differential equation
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """An agent or level with equations. `definitions` are in dependency order: each uses only earlier ones, states, inputs and rates."""
+
+    id: int  # its index in Model.nodes, which are in execution order
+    path: str  # `kin`; `robot.arm`; the level's name for levels in one agent; "" for the top agent itself
+    template: str  # the agent's name, or `Agent.level`: names the generated class
+    states: tuple[StateEquation, ...]
+    definitions: tuple[Definition, ...]
+    inputs: tuple[Source, ...]  # in order of first use
+    input_spans: tuple[Span, ...]  # the user's text that reads each input
+    parameters: tuple[int, ...]  # indices of scalars in the model's parameter vector
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter of one agent instance, by its path (`cart.kv`). Its scalars stand at `first`, row by row, in the parameter vector."""
+
+    path: str
+    scalar: Literal["real", "int", "bool"]
+    shape: tuple[int, ...]
+    unit: str | None  # as declared; coherent with SI
+    doc: str
+    first: int
+    values: tuple[
+        Expr, ...
+    ]  # one a scalar, over expression.Parameter(index into the whole parameter vector), earlier ones only
+    structural: bool  # its value is built into the code: another one recompiles
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A variable users may name in results, with the scalars it is made of, row by row."""
+
+    path: str  # `cart.x`, `plan.p` (the vector)
+    shape: tuple[int, ...]
+    unit: str | None
+    doc: str
+    access: Literal["write", "private", "read"]
+    elements: tuple[
+        Source, ...
+    ]  # kind `state` or `local`; a `read` is what it is bound to, listed only when that is a single variable
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """A subsystem with a step size of its own: nodes in execution order, at least one with states.
+
+    Nodes without states belong to no group: they are evaluated by whoever reads them.
+    """
+
+    name: str  # the level's name, the agent's path, or what the user wrote after `group`
+    nodes: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Numerical settings; None where the user said nothing. SI."""
+
+    stop: float | None = None
+    start: float | None = None
+    rtol: float | None = None
+    atol: float | None = None
+    interval: float | None = None
+    max_step: float | None = None
+    min_step: float | None = None
+    method: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """What the chosen experiment says. Its arguments and `init` values are already in the model (as parameter and initial values)."""
+
+    name: str | None  # None: no experiment, the model itself
+    settings: Settings
+    groups: tuple[tuple[str, Settings], ...]  # by group name
+    record: tuple[str, ...]  # paths of variables; empty: all `write` variables
+    save: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A whole model, ready for code generation."""
+
+    name: str  # of the top agent
+    doc: str
+    file: str  # the main source file's name
+    parameters: tuple[Parameter, ...]  # in dependency order of their values
+    parameter_count: int  # scalars in the parameter vector
+    nodes: tuple[Node, ...]  # in execution order
+    groups: tuple[Group, ...]  # in cascade order
+    variables: tuple[Variable, ...]  # in text order
+    experiment: Experiment
+    warnings: tuple[Problem, ...]

@@ -1,0 +1,148 @@
+"""Phase 6, parameters: the parameter vector of a model, and what parameters, constants and `let`s of them are in each agent.
+
+In: instances, the values an experiment gives and those given from outside. Out: `Parameters`. Guaranteed: every parameter stands after those its
+value is made of; structural ones are literals; values have the declared types and shapes.
+"""
+
+from __future__ import annotations
+
+from collections import ChainMap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from hierc.compiler import expression, model
+from hierc.compiler.collector import Collector, Rejected
+from hierc.compiler.constants import UNSHARED, ByName, agent_constants, literal, measured
+from hierc.compiler.declarations import Library
+from hierc.compiler.evaluate import Budget, Environment, Values, declared_shape, evaluate, expected
+from hierc.compiler.instances import Instance
+from hierc.compiler.names import Names
+from hierc.compiler.outside import Given, outside_value
+from hierc.compiler.unit_checks import check_declared
+from hierc.compiler.values import Value, size_of
+from hierc.grammar import tree
+
+#: Parameters that an experiment gives, by instance and name.
+Arguments = Mapping[tuple[int, str], tree.Expr]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """The parameter vector, and for each instance the values of its parameters, constants and `let`s of parameters."""
+
+    entries: tuple[model.Parameter, ...]
+    count: int
+    by_instance: tuple[ByName, ...]
+
+
+def make_parameters(
+    library: Library,
+    names: Names,
+    constants: ByName,
+    structural: Mapping[str, frozenset[str]],
+    instances: Sequence[Instance],
+    arguments: Arguments,
+    given: Given,
+    budget: Budget,
+    problems: Collector,
+) -> Parameters:
+    """Lay out the parameter vector. `given` holds values from outside by path; only those of structural parameters count here."""
+    file = Environment(library, constants, Values(constants), UNSHARED, budget)
+    builder = _Builder(file, names, structural, arguments, given, problems)
+    for instance in instances:
+        builder.add(instance)
+    return Parameters(tuple(builder.entries), builder.count, tuple(builder.by_instance))
+
+
+class _Builder:
+    """Adds instances one after the other, each after its parent."""
+
+    def __init__(
+        self,
+        file: Environment,
+        names: Names,
+        structural: Mapping[str, frozenset[str]],
+        arguments: Arguments,
+        given: Given,
+        problems: Collector,
+    ) -> None:
+        self._file = file
+        self._names = names
+        self._structural = structural
+        self._arguments = arguments
+        self._given = given
+        self._problems = problems
+        self._consts: dict[str, ByName] = {}
+        self.entries: list[model.Parameter] = []
+        self.count = 0
+        self.by_instance: list[ByName] = []
+
+    def add(self, instance: Instance) -> None:
+        """Evaluate the parameters, then the `let`s made of them."""
+        own: dict[str, Value] = {}
+        consts = self._constants_of(instance)
+        everything = ChainMap(own, dict(consts), dict(self._file.constants))
+        env = replace(self._file, scope=Values(everything))
+        for name, param in instance.agent.params.items():
+            try:
+                own[name] = self._parameter(instance, param, env)
+            except Rejected as rejection:
+                self._problems.rejected(rejection)
+        for name in self._names.lets[instance.agent.name]:
+            if name in self._names.parameter_lets[instance.agent.name]:
+                try:
+                    value = evaluate(instance.agent.lets[name].let.value, env)
+                    own[name] = replace(value, elements=tuple(measured(e) for e in value.elements))
+                except Rejected:
+                    pass  # the equations use it in their own way, and report it there
+        self.by_instance.append(everything)
+
+    def _constants_of(self, instance: Instance) -> ByName:
+        agent = instance.agent
+        if agent.name not in self._consts:
+            env = self._file
+            order = self._names.agent_consts[agent.name]
+            self._consts[agent.name] = agent_constants(
+                env.library, agent, order, env.constants, env.budget, self._problems
+            )
+        return self._consts[agent.name]
+
+    def _parameter(self, instance: Instance, param: tree.Param, env: Environment) -> Value:
+        name = param.name.text
+        path = instance.named(name)
+        unit = check_declared(param.unit)
+        shape = declared_shape(param.type, env)
+        structural = name in self._structural[instance.agent.name]
+        if structural and path in self._given:
+            value = outside_value(path, self._given[path], param.type.scalar, shape)
+        else:
+            value = self._declared_value(instance, param, shape, env)
+        if structural:
+            value = literal(value, f"structural parameter `{name}`", param)
+        first = self.count
+        self.count += size_of(shape)
+        self.entries.append(
+            model.Parameter(
+                path, param.type.scalar, shape, unit, "", first, value.elements, structural, param.name.span
+            )
+        )
+        if structural:
+            return value
+        elements = tuple(expression.Parameter(None, first + i) for i in range(size_of(shape)))
+        return Value(param.type.scalar, shape, elements)
+
+    def _declared_value(
+        self, instance: Instance, param: tree.Param, shape: tuple[int, ...], own: Environment
+    ) -> Value:
+        """What the experiment, the argument or the default says."""
+        name = param.name.text
+        expr, env = self._arguments.get((instance.id, name)), self._file
+        if expr is None and instance.instance is not None and instance.parent is not None:
+            expr = next((arg.value for arg in instance.instance.args if arg.name.text == name), None)
+            env = replace(self._file, scope=Values(self.by_instance[instance.parent]))
+        if expr is None:
+            expr, env = param.default, own
+        if expr is None:
+            raise Rejected  # reported where the argument is missing
+        value = expected(evaluate(expr, env), param.type.scalar, shape, f"parameter `{name}`", expr)
+        return replace(value, elements=tuple(measured(e) for e in value.elements))

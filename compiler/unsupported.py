@@ -1,0 +1,121 @@
+"""Problems for what the language has and this version of the compiler does not: one code a construct, at its place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from hierc.grammar.problems import Problem
+
+
+@dataclass(frozen=True)
+class NotSupported(Problem):
+    """Base: `construct` is the subject of the sentence."""
+
+    construct: ClassVar[str]
+
+    def title(self) -> str:
+        return f"{self.construct} not supported yet"
+
+
+@dataclass(frozen=True)
+class Modes(NotSupported):
+    code = "E001"
+    construct = "modes are"
+    explanation = "A model is compiled only if all of it can be run as written. Modes are part of the language but not of this version."
+
+
+@dataclass(frozen=True)
+class Transitions(NotSupported):
+    code = "E002"
+    construct = "transitions (`trans`) are"
+    explanation = "Guards, resets and changes of mode are part of the language but not of this version."
+
+
+@dataclass(frozen=True)
+class Sampling(NotSupported):
+    code = "E003"
+    construct = "`sample` blocks are"
+    explanation = "Sampled behaviour is part of the language but not of this version."
+
+
+@dataclass(frozen=True)
+class DiscreteVariable(NotSupported):
+    code = "E004"
+    construct = "discrete variables are"
+    explanation = "Variables that change only at instants are part of the language but not of this version."
+
+
+@dataclass(frozen=True)
+class ExternalFunction(NotSupported):
+    code = "E005"
+    construct = "external functions (`extern`) are"
+    explanation = "Functions from Python modules are part of the language but not of this version."
+
+
+@dataclass(frozen=True)
+class DataTable(NotSupported):
+    code = "E006"
+    construct = "data tables (`table`) are"
+    explanation = "Interpolated tables are part of the language but not of this version."
+
+
+@dataclass(frozen=True)
+class ArrayOfAgents(NotSupported):
+    code = "E007"
+    construct = "arrays of agents are"
+    explanation = "Agents with an index range are part of the language but not of this version. Write the agents one by one."
+
+
+@dataclass(frozen=True)
+class Imports(NotSupported):
+    code = "E008"
+    construct = "imports are"
+    explanation = (
+        "Imports are part of the language but not of this version. Put all definitions into one file."
+    )
+
+
+@dataclass(frozen=True)
+class DeclaredUnit(NotSupported):
+    """A declared unit that is not coherent with SI."""
+
+    code = "E009"
+    construct = "declarations in units other than SI are"
+    explanation = (
+        "Equations compute in SI. A value may be written in any unit (`te [s] = 0.5 [ms]`), but the declaration itself must be in a unit "
+        "of factor one, such as s, m/s or N*m, because results are not converted back yet."
+    )
+    si: str
+
+    def help(self) -> tuple[str, ...]:
+        return (f"declare it in `[{self.si}]`; its values may keep their unit, as in `0.5 [ms]`",)
+
+
+@dataclass(frozen=True)
+class Invariants(NotSupported):
+    """A warning: the block is checked for names and types, and has no effect."""
+
+    code = "W010"
+    severity: ClassVar[Literal["error", "warning"]] = "warning"
+    construct = "invariants are checked for names and types only: watching them during a run is"
+    explanation = "The conditions of an `inv` block must be correct expressions, but a run does not stop where one is violated yet."
+
+
+@dataclass(frozen=True)
+class Function(NotSupported):
+    """A built-in function that needs what is not there yet."""
+
+    code = "E011"
+    explanation = "This use of the function is part of the language but not of this version."
+    use: str
+
+    def title(self) -> str:
+        return f"{self.use} is not supported yet"
+
+
+@dataclass(frozen=True)
+class NestedLevel(NotSupported):
+    code = "E012"
+    construct = "a level inside a level is"
+    explanation = "Levels are written one after the other in an agent; for a hierarchy inside a level, put an agent with levels into it."
