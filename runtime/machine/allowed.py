@@ -59,7 +59,9 @@ def check_function(
         )
     known = _Checker(arrays, output, entries).block(definition.body, frozenset())
     if missing := [k for k in entries if f"{output}[{k}]" not in known]:
-        raise UnsupportedCode(f"line {definition.lineno}: {definition.name} never sets {output}[{missing[0]}]")
+        raise UnsupportedCode(
+            f"line {definition.lineno}: {definition.name} never sets {output}[{missing[0]}]"
+        )
 
 
 class _Checker:
@@ -93,7 +95,9 @@ class _Checker:
         match node:
             case ast.Name(id=name) if name not in self.reserved:
                 return name
-            case ast.Subscript(value=ast.Name(id=array), slice=ast.Constant(value=int(k))) if array == self.output:
+            case ast.Subscript(value=ast.Name(id=array), slice=ast.Constant(value=int(k))) if (
+                array == self.output
+            ):
                 if k in self.entries and not isinstance(k, bool):
                     return f"{array}[{k}]"
                 raise _refused(node, "no such entry")

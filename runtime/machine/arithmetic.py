@@ -49,7 +49,9 @@ class Arithmetic:
         if isinstance(scalar, ir.Constant):
             return ir.Constant(ir.VectorType(kind, lanes), [scalar] * lanes)
         vector = ir.VectorType(kind, lanes)
-        first = self.builder.insert_element(ir.Constant(vector, ir.Undefined), scalar, ir.Constant(ir.IntType(32), 0))
+        first = self.builder.insert_element(
+            ir.Constant(vector, ir.Undefined), scalar, ir.Constant(ir.IntType(32), 0)
+        )
         order = ir.Constant(ir.VectorType(ir.IntType(32), lanes), [ir.Constant(ir.IntType(32), 0)] * lanes)
         return self.builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), order)
 
@@ -170,6 +172,8 @@ class Arithmetic:
 
     def shuffle(self, a: Value, order: list[int], b: Value | None = None) -> Value:
         """The lanes of a (then b) in another order."""
-        mask = ir.Constant(ir.VectorType(ir.IntType(32), len(order)), [ir.Constant(ir.IntType(32), k) for k in order])
+        mask = ir.Constant(
+            ir.VectorType(ir.IntType(32), len(order)), [ir.Constant(ir.IntType(32), k) for k in order]
+        )
         other = b.ir if b is not None else ir.Constant(a.ir.type, ir.Undefined)
         return Value(self.builder.shuffle_vector(a.ir, other, mask), Float(len(order)))

@@ -7,6 +7,7 @@ sin, cos and exp (within 2 ulp) and the C library lane by lane for the rest.
 from __future__ import annotations
 
 import ast
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from llvmlite import ir
@@ -51,7 +52,7 @@ def arity(name: str) -> int | None:
     return 2 if name == "copysign" else 1 if name in _EXACT else _LIBM.get(name)
 
 
-def elementary(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> Operand:
+def elementary(low: Lowering, name: str, args: Sequence[Operand], node: ast.AST) -> Value:
     """`math.name(args)`."""
     count = arity(name)
     if count is None or count != len(args):
@@ -62,12 +63,15 @@ def elementary(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> 
     if name in _EXACT:
         return _intrinsic(low, _EXACT[name], values)
     if lanes > 1 and name in _OVER_LANES:
-        return low.call_function(_OVER_LANES[name], values)
+        result = low.call_function(_OVER_LANES[name], values)
+        assert result is not None
+        return result
     function = _libm(low, name, count)
     if lanes == 1:
         return Value(low.builder.call(function, [v.ir for v in values]), Float())
     each = [
-        Value(low.builder.call(function, [low.math.extract(v, k).ir for v in values]), Float()) for k in range(lanes)
+        Value(low.builder.call(function, [low.math.extract(v, k).ir for v in values]), Float())
+        for k in range(lanes)
     ]
     return low.math.gather_lanes(each)
 
@@ -105,14 +109,16 @@ def call(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> Operan
     math, builder = low.math, low.builder
     match name, args:
         case "float", [a]:
-            return math.convert(a, Float()) if not isinstance(a, Value) or isinstance(a.type, Int | Bool) else a
+            return (
+                math.convert(a, Float()) if not isinstance(a, Value) or isinstance(a.type, Int | Bool) else a
+            )
         case "int", [Value(type=Float(1)) as a]:
             return Value(builder.fptosi(a.ir, I64), Int())
         case "int", [Value(type=Int()) as a]:
             return a
         case "abs", [Value(type=Float()) as a]:
             return _intrinsic(low, "fabs", [a])
-        case ("max" | "min"), [a, b]:
+        case (("max" | "min"), [a, b]):
             # As Python has it: the second only if it compares greater (smaller).
             return math.select(math.compare(">" if name == "max" else "<", b, a), b, a)
         case "lane", [Value() as a, int(k)]:
@@ -146,9 +152,9 @@ def call(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> Operan
             return math.compare("<", magnitude, float("inf"))
         case "power_of_two", [Value(type=Float(n)) as a]:
             whole = ir.VectorType(I64, n) if n > 1 else I64
-            constant = (lambda k: ir.Constant(whole, [k] * n)) if n > 1 else (lambda k: ir.Constant(whole, k))
-            biased = builder.add(builder.fptosi(a.ir, whole), constant(1023))
-            return Value(builder.bitcast(builder.shl(biased, constant(52)), llvm_type(a.type)), a.type)
+            bias, places = (ir.Constant(whole, [k] * n if n > 1 else k) for k in (1023, 52))
+            biased = builder.add(builder.fptosi(a.ir, whole), bias)
+            return Value(builder.bitcast(builder.shl(biased, places), llvm_type(a.type)), a.type)
         case "invoke", [Value(type=Int()) as address, *rest]:
             values = [math.value(a) for a in rest]
             signature = ir.FunctionType(DOUBLE, [llvm_type(v.type) for v in values])
@@ -161,6 +167,10 @@ def call(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> Operan
 
 
 def _fma(low: Lowering, a: Operand, b: Operand, c: Operand) -> Value:
-    kind = low.math.common(low.math.common(low.math.value(a).type, low.math.value(b).type), low.math.value(c).type)
-    product = low.builder.fmul(low.math.convert(a, kind).ir, low.math.convert(b, kind).ir, flags=("contract",))
+    kind = low.math.common(
+        low.math.common(low.math.value(a).type, low.math.value(b).type), low.math.value(c).type
+    )
+    product = low.builder.fmul(
+        low.math.convert(a, kind).ir, low.math.convert(b, kind).ir, flags=("contract",)
+    )
     return Value(low.builder.fadd(product, low.math.convert(c, kind).ir, flags=("contract",)), kind)

@@ -60,7 +60,13 @@ class Composer:
     """Emits the functions of one form over `lanes` lanes into a unit."""
 
     def __init__(
-        self, unit: Unit, name: str, form: Form, classes: tuple[Class, ...], definitions: Definitions, lanes: int
+        self,
+        unit: Unit,
+        name: str,
+        form: Form,
+        classes: tuple[Class, ...],
+        definitions: Definitions,
+        lanes: int,
     ) -> None:
         self.unit, self.name, self.form, self.classes, self.lanes = unit, name, form, classes, lanes
         self.definitions = definitions
@@ -83,12 +89,21 @@ class Composer:
                 self.moving_outs |= {call.y + k for k in moving}
             parts.append((call, pieces, self.saved))
             self.saved += pieces.saved
-        fixed = self._begin("fixed", {"t": Float(self.lanes), "u": self.wide, "p": self.narrow, "v": self.wide})
+        fixed = self._begin(
+            "fixed", {"t": Float(self.lanes), "u": self.wide, "p": self.narrow, "v": self.wide}
+        )
         for call, pieces, first in parts:
             fixed.call(call, pieces.before, None, first)
         rest = self._begin(
             "rhs",
-            {"t": Float(self.lanes), "x": self.wide, "u": self.wide, "p": self.narrow, "dx": self.wide, "v": self.wide},
+            {
+                "t": Float(self.lanes),
+                "x": self.wide,
+                "u": self.wide,
+                "p": self.narrow,
+                "dx": self.wide,
+                "v": self.wide,
+            },
         )
         for call, pieces, first in parts:
             rest.call(call, pieces.after, "dx" if call.part < 0 else "y", first)
@@ -97,7 +112,8 @@ class Composer:
     def publish(self) -> Emitted:
         """The published outs, whole, at given states and inputs."""
         body = self._begin(
-            "publish", {"t": Float(self.lanes), "x": self.wide, "u": self.wide, "p": self.narrow, "out": self.wide}
+            "publish",
+            {"t": Float(self.lanes), "x": self.wide, "u": self.wide, "p": self.narrow, "out": self.wide},
         )
         for call in self.form.publishing:
             body.call(call, self.definitions(self._function(call)[0]), "y", None)
@@ -146,9 +162,15 @@ class Composer:
 
     def _wanted(self, call: CallForm, row: int) -> bool:
         n = len(self.classes[call.kind].states)
-        return (row < n) if call.part < 0 else (row >= n and row - n in self.classes[call.kind].parts[call.part].outs)
+        return (
+            (row < n)
+            if call.part < 0
+            else (row >= n and row - n in self.classes[call.kind].parts[call.part].outs)
+        )
 
-    def _chain(self, evaluate: Callable[[CallForm], Any], math: Arithmetic | None = None) -> dict[tuple[int, int], Any]:
+    def _chain(
+        self, evaluate: Callable[[CallForm], Any], math: Arithmetic | None = None
+    ) -> dict[tuple[int, int], Any]:
         """d dx/d x by the chain rule. `evaluate(call)` returns the class's nonzeros as values (None: pattern only)."""
         outs: dict[int, dict[int, Any]] = {}
         result: dict[tuple[int, int], Any] = {}
@@ -189,17 +211,18 @@ class Composer:
     def factor(self, eigenvalues: tuple[float, ...], middle: int) -> Emitted:
         """factor(t, h, x, u, p, factors): the Jacobian at lane `middle` of x and u, then the factors of lambda - h J."""
         body = self._begin(
-            "factor", {"t": Float(), "h": Float(), "x": self.wide, "u": self.wide, "p": self.narrow, "m": self.narrow}
+            "factor",
+            {"t": Float(), "h": Float(), "x": self.wide, "u": self.wide, "p": self.narrow, "m": self.narrow},
         )
         math, builder = body.math, body.builder
-        scalar = body.scalar_copy(middle)
+        narrow = body.narrowed(middle)
 
         def evaluate(call: CallForm) -> list[Value]:
             kind = self.classes[call.kind]
             if call.part >= 0:
-                scalar.call(call, self.definitions(self._function(call)[0]), "y", None)
-            into = scalar.call(call, self.definitions(kind.jac), "J", None, len(kind.pattern))
-            return [scalar.load(into, e) for e in range(len(kind.pattern))]
+                narrow.call(call, self.definitions(self._function(call)[0]), "y", None)
+            into = narrow.call(call, self.definitions(kind.jac), "J", None, len(kind.pattern))
+            return [math.extract(narrow.load(into, e), 0) for e in range(len(kind.pattern))]
 
         jacobian = self._chain(evaluate, math)
         packed = Value(ir.Constant(llvm_type(Float(self.lanes)), list(eigenvalues)), Float(self.lanes))
@@ -211,7 +234,9 @@ class Composer:
         """solve(b, factors): packed systems, in place."""
         body = self._begin("solve", {"b": self.wide, "m": self.narrow})
         code = LinearCode(self.elimination, self.lanes, body.builder, body.args["m"].ir)
-        code.solve(lambda i: body.load(body.args["b"].ir, i), lambda i, v: body.store(body.args["b"].ir, i, v))
+        code.solve(
+            lambda i: body.load(body.args["b"].ir, i), lambda i, v: body.store(body.args["b"].ir, i, v)
+        )
         return body.end()
 
     def solve_real(self) -> Emitted:
@@ -283,7 +308,12 @@ class _Body:
         return into
 
     def call(
-        self, call: CallForm, definition: ast.FunctionDef, output: str | None, first: int | None, room: int = 0
+        self,
+        call: CallForm,
+        definition: ast.FunctionDef,
+        output: str | None,
+        first: int | None,
+        room: int = 0,
     ) -> Any:
         """Call a class's function with its own slices of the group's arrays; returns where its output went."""
         wide, narrow = Pointer(Float(self.lanes)), Pointer(Float())
@@ -306,11 +336,14 @@ class _Body:
         self.builder.call(target, [given[n][0] for n in names])
         return into
 
-    def scalar_copy(self, lane: int) -> _Body:
-        """A view of this body in which states and inputs are scalars: their values at one lane."""
+    def narrowed(self, lane: int) -> _Body:
+        """A view of this body over two lanes, both of which hold states and inputs at one lane of this body.
+
+        Two lanes cost what one does, and have the quick elementary functions.
+        """
         form = self.composer.form
         view = object.__new__(_Body)
-        view.composer, view.kinds, view.lanes = self.composer, self.kinds, 1
+        view.composer, view.kinds, view.lanes = self.composer, self.kinds, 2
         view.function, view.builder, view.math = self.function, self.builder, self.math
         view.args = dict(self.args)
         view.outs = view._room(form.outs)
@@ -318,8 +351,9 @@ class _Body:
             room = view._room(count)
             for k in range(count):
                 value = self.builder.load(self._lane_address(name, k, lane), typ=DOUBLE, align=8)
-                view.store(room, k, Value(value, Float()))
-            view.args[name] = Value(room, Pointer(Float()))
+                view.store(room, k, self.math.convert(Value(value, Float()), Float(2)))
+            view.args[name] = Value(room, Pointer(Float(2)))
+        view.args["t"] = self.math.convert(self.args["t"], Float(2))
         return view
 
     def _lane_address(self, name: str, k: int, lane: int) -> Any:

@@ -6,7 +6,6 @@ records. Everything here also works under CPython, with numpy arrays for lanes a
 
 from __future__ import annotations
 
-import ctypes
 import functools
 import math
 from collections.abc import Callable
@@ -94,9 +93,10 @@ def total(v: Lanes) -> float:
     return float(v[0])
 
 
-def select(mask: Any, a: Any, b: Any) -> Any:
+def select(mask: Any, a: Lanes, b: Lanes) -> Lanes:
     """a where mask, else b; lane by lane."""
-    return np.where(mask, a, b)
+    chosen: Lanes = np.where(mask, a, b)
+    return chosen
 
 
 def any_lane(mask: Any) -> bool:
@@ -104,9 +104,10 @@ def any_lane(mask: Any) -> bool:
     return bool(np.any(mask))
 
 
-def at(array: Any, offset: int) -> Any:
+def at(array: Array[T], offset: int) -> Array[T]:
     """The array from item `offset` on."""
-    return array[offset:]
+    rest: Array[T] = array[offset:]  # type: ignore[index, assignment]
+    return rest
 
 
 def put(array: Any, value: Lanes) -> None:
@@ -165,8 +166,3 @@ def invoke(address: int, *args: Any) -> float:
     """Call the piece at `address`, which returns a float. Under CPython the address is a callable."""
     result: float = address(*args)  # type: ignore[operator]
     return result
-
-
-def memory_at(address: int, count: int) -> npt.NDArray[np.float64]:
-    """A view of `count` doubles at `address`."""
-    return np.frombuffer((ctypes.c_double * count).from_address(address), np.float64)

@@ -36,7 +36,12 @@ def read_between_groups(plan: Plan) -> dict[int, list[tuple[int, int]]]:
         for node, part in group.calls:
             for source, kind, index in read_by(plan, node, part):
                 owner = home.get(source)
-                if kind == "out" and owner is not None and owner != g and (source, index) not in published[owner]:
+                if (
+                    kind == "out"
+                    and owner is not None
+                    and owner != g
+                    and (source, index) not in published[owner]
+                ):
                     published[owner].append((source, index))
     return published
 
@@ -113,4 +118,6 @@ class _Wiring:
             else:
                 sources.append(("out", self.outs[source[0]] + source[2]))
         kind = self.plan.nodes[node].kind
-        return CallForm(kind, part, self.states.get(node, 0), self.values[node], self.outs[node], tuple(sources))
+        return CallForm(
+            kind, part, self.states.get(node, 0), self.values[node], self.outs[node], tuple(sources)
+        )

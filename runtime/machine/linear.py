@@ -7,6 +7,7 @@ its Newton iteration. Entries that stay -h J[i,j] are kept as real scalars.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -69,7 +70,9 @@ class LinearCode:
         self.math = Arithmetic(builder, contract=True)
         self.builder = builder
         self.memory = memory
-        self.complex_slot = {e: k for k, e in enumerate([(i, i) for i in range(plan.n)] + list(plan.complex_entries))}
+        self.complex_slot = {
+            e: k for k, e in enumerate([(i, i) for i in range(plan.n)] + list(plan.complex_entries))
+        }
         self.real_slot = {e: k for k, e in enumerate(plan.real_entries)}
 
     # ---- factors in memory ----------------------------------------------------------------------
@@ -81,7 +84,9 @@ class LinearCode:
         """Store a packed entry spread for multiplication: (re, re) and (-im, im)."""
         spread = self._spread(value)
         for part, v in enumerate(spread):
-            self.builder.store(v.ir, self._address((2 * self.complex_slot[entry] + part) * self.lanes), align=8)
+            self.builder.store(
+                v.ir, self._address((2 * self.complex_slot[entry] + part) * self.lanes), align=8
+            )
 
     def _load(self, entry: Entry) -> tuple[Value, ...] | Value:
         if entry in self.real_slot:
@@ -92,7 +97,9 @@ class LinearCode:
         return tuple(
             Value(
                 self.builder.load(
-                    self._address((2 * self.complex_slot[entry] + part) * self.lanes), typ=llvm_type(kind), align=8
+                    self._address((2 * self.complex_slot[entry] + part) * self.lanes),
+                    typ=llvm_type(kind),
+                    align=8,
                 ),
                 kind,
             )
@@ -105,7 +112,9 @@ class LinearCode:
             value = self._load(entry)
             assert isinstance(value, Value)
             return value
-        loaded = self.builder.load(self._address(2 * self.complex_slot[entry] * self.lanes), typ=DOUBLE, align=8)
+        loaded = self.builder.load(
+            self._address(2 * self.complex_slot[entry] * self.lanes), typ=DOUBLE, align=8
+        )
         return Value(loaded, Float())
 
     # ---- packed complex arithmetic --------------------------------------------------------------
@@ -113,8 +122,12 @@ class LinearCode:
     def _spread(self, a: Value) -> tuple[Value, Value]:
         half = self.lanes // 2
         low, high = list(range(half)), list(range(half, self.lanes))
-        signs = Value(ir.Constant(llvm_type(Float(self.lanes)), [-1.0] * half + [1.0] * half), Float(self.lanes))
-        return self.math.shuffle(a, low + low), self.math.binary("Mult", self.math.shuffle(a, high + high), signs)
+        signs = Value(
+            ir.Constant(llvm_type(Float(self.lanes)), [-1.0] * half + [1.0] * half), Float(self.lanes)
+        )
+        return self.math.shuffle(a, low + low), self.math.binary(
+            "Mult", self.math.shuffle(a, high + high), signs
+        )
 
     def _swap(self, a: Value) -> Value:
         half = self.lanes // 2
@@ -132,8 +145,12 @@ class LinearCode:
         half = self.lanes // 2
         squares = self.math.binary("Mult", a, a)
         modulus = self.math.binary("Add", squares, self._swap(squares))
-        signs = Value(ir.Constant(llvm_type(Float(self.lanes)), [1.0] * half + [-1.0] * half), Float(self.lanes))
-        return self.math.binary("Mult", self.math.binary("Mult", a, signs), self.math.binary("Div", 1.0, modulus))
+        signs = Value(
+            ir.Constant(llvm_type(Float(self.lanes)), [1.0] * half + [-1.0] * half), Float(self.lanes)
+        )
+        return self.math.binary(
+            "Mult", self.math.binary("Mult", a, signs), self.math.binary("Div", 1.0, modulus)
+        )
 
     # ---- the three pieces -----------------------------------------------------------------------
 
@@ -141,7 +158,9 @@ class LinearCode:
         """Factor lambda I - h J; `eigenvalues` packed."""
         minus_h = self.math.negate(h)
         half = self.lanes // 2
-        real_lanes = Value(ir.Constant(llvm_type(Float(self.lanes)), [1.0] * half + [0.0] * half), Float(self.lanes))
+        real_lanes = Value(
+            ir.Constant(llvm_type(Float(self.lanes)), [1.0] * half + [0.0] * half), Float(self.lanes)
+        )
         packed: dict[Entry, Value] = {}
         scalar: dict[Entry, Value] = {}
         for entry, value in jacobian.items():
@@ -149,7 +168,9 @@ class LinearCode:
         for i in range(self.plan.n):
             packed[i, i] = eigenvalues
             if (i, i) in scalar:
-                packed[i, i] = self.math.binary("Add", eigenvalues, self.math.binary("Mult", scalar[i, i], real_lanes))
+                packed[i, i] = self.math.binary(
+                    "Add", eigenvalues, self.math.binary("Mult", scalar[i, i], real_lanes)
+                )
         for entry in self.plan.real_entries:
             first = 2 * self.lanes * len(self.complex_slot)
             self.builder.store(scalar[entry].ir, self._address(first + self.real_slot[entry]), align=8)
@@ -163,21 +184,34 @@ class LinearCode:
                 for j in right:
                     update = self._update(packed, scalar, (pivot, j), multiplier, real_lanes)
                     current = self._current(packed, scalar, (i, j), real_lanes)
-                    packed[i, j] = self.math.negate(update) if current is None else self.math.binary("Sub", current, update)
+                    packed[i, j] = (
+                        self.math.negate(update)
+                        if current is None
+                        else self.math.binary("Sub", current, update)
+                    )
         for entry in self.plan.complex_entries:
             self._store(entry, packed[entry])
 
-    def _product(self, packed: dict[Entry, Value], scalar: dict[Entry, Value], entry: Entry, b: Value) -> Value:
+    def _product(
+        self, packed: dict[Entry, Value], scalar: dict[Entry, Value], entry: Entry, b: Value
+    ) -> Value:
         return self._times(self._spread(packed[entry]) if entry in packed else scalar[entry], b)
 
     def _update(
-        self, packed: dict[Entry, Value], scalar: dict[Entry, Value], entry: Entry, spread: tuple[Value, Value], ones: Value
+        self,
+        packed: dict[Entry, Value],
+        scalar: dict[Entry, Value],
+        entry: Entry,
+        spread: tuple[Value, Value],
+        ones: Value,
     ) -> Value:
         if entry in packed:
             return self._times(spread, packed[entry])
         # a real entry times a spread number: (re, im) again, from the halves of the spread parts
         half = self.lanes // 2
-        joined = self.math.shuffle(spread[0], [*range(half), *range(self.lanes + half, 2 * self.lanes)], spread[1])
+        joined = self.math.shuffle(
+            spread[0], [*range(half), *range(self.lanes + half, 2 * self.lanes)], spread[1]
+        )
         return self.math.binary("Mult", scalar[entry], joined)
 
     def _current(
@@ -190,7 +224,7 @@ class LinearCode:
     def solve(self, load: Callable[[int], Value], store: Callable[[int, Value], None]) -> None:
         """Solve with packed right-hand sides b[i] = load(i), in place."""
         b = [load(i) for i in range(self.plan.n)]
-        self._substitute(b, self._load, lambda a, v: self._times(a, v))
+        self._substitute(b, self._load, self._times)
         for i, value in enumerate(b):
             store(i, value)
 
@@ -201,14 +235,15 @@ class LinearCode:
         for i, value in enumerate(b):
             store(i, value)
 
-    def _substitute(self, b: list[Value], entry: Callable[[Entry], Any], times: Callable[[Any, Value], Value]) -> None:
+    def _substitute(
+        self, b: list[Value], entry: Callable[[Entry], Any], times: Callable[[Any, Value], Value]
+    ) -> None:
         for pivot, below, _ in self.plan.steps:
             b[pivot] = times(entry((pivot, pivot)), b[pivot])
             for i in below:
                 b[i] = self.math.binary("Sub", b[i], times(entry((i, pivot)), b[pivot]))
         for pivot, _, right in reversed(self.plan.steps):
-            for k, j in enumerate(right):
-                term = times(entry((pivot, j)), b[j])
-                summed = term if k == 0 else self.math.binary("Add", summed, term)
             if right:
+                terms = [times(entry((pivot, j)), b[j]) for j in right]
+                summed = functools.reduce(functools.partial(self.math.binary, "Add"), terms)
                 b[pivot] = self.math.binary("Sub", b[pivot], times(entry((pivot, pivot)), summed))

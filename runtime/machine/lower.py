@@ -5,7 +5,7 @@ not listed here is refused with `UnsupportedCode`; nothing of the text is ever e
 the kernel, and it is the whole of the dialect's meaning.
 
 With lanes, a branch whose condition differs from lane to lane is evaluated on both sides and blended; all operations are pure, so only the chosen
-side is seen. Locals live in stack slots that LLVM's mem2reg turns into registers.
+side is seen.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from llvmlite import ir
 
 from hierc.runtime.machine import builtins
 from hierc.runtime.machine.arithmetic import Arithmetic
+from hierc.runtime.machine.storage import Locals, Slots
 from hierc.runtime.machine.types import (
     I64,
     Bool,
@@ -54,8 +55,6 @@ _FOLD: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
 }
 _PREDICATES = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 
-#: Where locals live, and their types.
-Slots = dict[str, tuple[ir.Value, Type]]
 #: How the lowering finds or makes the functions it calls: LLVM function, types of its arguments, type of its result.
 Resolver = Callable[[Callable[..., Any]], tuple[ir.Function, tuple[Type, ...], Type | None]]
 
@@ -81,12 +80,11 @@ class Lowering:
         self.entry = function.append_basic_block("entry")
         self.builder = ir.IRBuilder(self.entry)
         self.math = Arithmetic(self.builder, contract)
-        self.slots: Slots = {}
-        self.outside: frozenset[str] = frozenset()  # locals older than the loop
+        self.locals = Locals(self.builder, self.math)
         self.constants: dict[str, int | float] = {}
         self.loops: list[tuple[ir.Block, ir.Block]] = []  # (continue, break) targets
         for argument, (name, kind) in zip(function.args, arguments.items(), strict=True):
-            self._store_name(name, Value(argument, kind))
+            self.locals.store(name, Value(argument, kind))
 
     def run(self, body: list[ast.stmt]) -> None:
         """Lower the whole body and close the function."""
@@ -116,7 +114,12 @@ class Lowering:
                 self.branch(test, body, orelse)
             case ast.While(test=test, body=body, orelse=[]):
                 self.while_loop(test, body)
-            case ast.For(target=ast.Name(id=name), iter=ast.Call(func=ast.Name(id=kind), args=bounds), body=body, orelse=[]):
+            case ast.For(
+                target=ast.Name(id=name),
+                iter=ast.Call(func=ast.Name(id=kind), args=bounds),
+                body=body,
+                orelse=[],
+            ):
                 self.for_loop(name, kind, [self.expression(b) for b in bounds], body, node)
             case ast.Return(value=None):
                 self.builder.ret_void()
@@ -136,7 +139,7 @@ class Lowering:
     def assign(self, target: ast.expr, value: Operand) -> None:
         match target:
             case ast.Name(id=name):
-                self._store_name(name, self.math.value(value))
+                self.locals.store(name, self.math.value(value))
             case ast.Subscript() | ast.Attribute():
                 address, kind = self.place(target)
                 self.builder.store(self.math.convert(value, kind).ir, address, align=8)
@@ -153,33 +156,17 @@ class Lowering:
             return
         then, other, after = (self.function.append_basic_block(n) for n in ("then", "else", "after"))
         self.builder.cbranch(self.math.truth(condition).ir, then, other)
-        ends: list[tuple[ir.Block, Slots]] = []
-        before = self.slots
+        sides: list[tuple[ir.Block, Slots]] = []
+        before = self.locals.slots
         for start, statements in ((then, body), (other, orelse)):
-            self.slots = dict(before)
+            self.locals.slots = dict(before)
             self.builder.position_at_end(start)
             self.block(statements)
             if not self.builder.block.is_terminated:
-                ends.append((self.builder.block, self.slots))
-        self.slots = self._join([slots for _, slots in ends])
-        for end, slots in ends:
-            self.builder.position_at_end(end)
-            for name, (slot, kind) in slots.items():
-                if self.slots[name][0] is not slot:
-                    value = Value(self.builder.load(slot, typ=llvm_type(kind)), kind)
-                    self.builder.store(self.math.convert(value, self.slots[name][1]).ir, self.slots[name][0])
-            self.builder.branch(after)
-        self.builder.position_at_end(after)
-        if not ends:
+                sides.append((self.builder.block, self.locals.slots))
+        self.locals.join(sides, after)
+        if not sides:
             self.builder.unreachable()
-
-    def _join(self, sides: Sequence[Slots]) -> Slots:
-        """Where locals are after both sides of a branch: in the slot that holds every side's value."""
-        joined: Slots = {}
-        for name, (slot, kind) in (item for slots in sides for item in slots.items()):
-            if name not in joined or self.math.common(kind, joined[name][1]) != joined[name][1]:
-                joined[name] = (slot, kind)
-        return joined
 
     def blend(self, mask: Value, body: list[ast.stmt], orelse: list[ast.stmt]) -> None:
         """Both sides of a branch that differs from lane to lane, then lane by lane the chosen one."""
@@ -198,7 +185,7 @@ class Lowering:
 
     def _current(self, target: ast.expr) -> Value | None:
         if isinstance(target, ast.Name):
-            return self._load_name(target.id) if target.id in self.slots else None
+            return self.locals.load(target.id) if target.id in self.locals else None
         return self.load(target)
 
     def while_loop(self, test: ast.expr, body: list[ast.stmt]) -> None:
@@ -213,13 +200,14 @@ class Lowering:
         self.builder.position_at_end(after)
 
     def loop_body(self, body: list[ast.stmt], again: ir.Block, after: ir.Block) -> None:
-        outside, self.outside = self.outside, frozenset(self.slots)
         self.loops.append((again, after))
-        self.block(body)
+        with self.locals.loop():
+            self.block(body)
         self.loops.pop()
-        self.outside = outside
 
-    def for_loop(self, name: str, kind: str, bounds: list[Operand], body: list[ast.stmt], node: ast.stmt) -> None:
+    def for_loop(
+        self, name: str, kind: str, bounds: list[Operand], body: list[ast.stmt], node: ast.stmt
+    ) -> None:
         first, last = (0, bounds[0]) if len(bounds) == 1 else (bounds[0], bounds[1])
         if kind == "unroll" and isinstance(last, int):
             for k in range(last):
@@ -230,17 +218,22 @@ class Lowering:
         if kind != "range":
             raise _refused(node)
         stop = self.math.convert(last, Int())
-        self._store_name(name, self.math.convert(first, Int()))
-        head, inside, step, after = (self.function.append_basic_block(n) for n in ("for", "body", "step", "after"))
+        self.locals.store(name, self.math.convert(first, Int()))
+        head, inside, step, after = (
+            self.function.append_basic_block(n) for n in ("for", "body", "step", "after")
+        )
         self.builder.branch(head)
         self.builder.position_at_end(head)
-        self.builder.cbranch(self.builder.icmp_signed("<", self._load_name(name).ir, stop.ir), inside, after)
+        self.builder.cbranch(self.builder.icmp_signed("<", self.locals.load(name).ir, stop.ir), inside, after)
         self.builder.position_at_end(inside)
         self.loop_body(body, step, after)
         if not self.builder.block.is_terminated:
             self.builder.branch(step)
         self.builder.position_at_end(step)
-        self._store_name(name, Value(self.builder.add(self._load_name(name).ir, ir.Constant(I64, 1), flags=("nsw",)), Int()))
+        self.locals.store(
+            name,
+            Value(self.builder.add(self.locals.load(name).ir, ir.Constant(I64, 1), flags=("nsw",)), Int()),
+        )
         self.builder.branch(head)
         self.builder.position_at_end(after)
 
@@ -255,23 +248,25 @@ class Lowering:
             case ast.BinOp(left=left, op=op, right=right):
                 return self.binary(op, self.expression(left), self.expression(right), node)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
-                value = self.expression(operand)
-                return self.math.negate(value) if isinstance(value, Value) else -value
+                a = self.expression(operand)
+                return self.math.negate(a) if isinstance(a, Value) else -a
             case ast.UnaryOp(op=ast.Not(), operand=operand):
-                value = self.expression(operand)
-                return self.math.invert(value) if isinstance(value, Value) else not value
+                a = self.expression(operand)
+                return self.math.invert(a) if isinstance(a, Value) else not a
             case ast.Compare(left=left, ops=[op], comparators=[right]):
                 return self.compare(op, self.expression(left), self.expression(right), node)
             case ast.BoolOp(op=op, values=values):
                 return self.logic(isinstance(op, ast.And), values)
             case ast.IfExp(test=test, body=body, orelse=orelse):
                 return self.conditional(test, body, orelse)
-            case ast.Subscript(value=ast.Name(id=name), slice=row) if isinstance(self.names.get(name), LaneTable):
+            case ast.Subscript(value=ast.Name(id=name), slice=row) if isinstance(
+                self.names.get(name), LaneTable
+            ):
                 index = self.expression(row)
                 if not isinstance(index, int):
                     raise _refused(node, "tables are indexed by constants")
                 return LaneConstant(self.names[name].rows[index]).value
-            case ast.Subscript() if (known := self.static(node)) is not None:
+            case ast.Subscript() if isinstance(known := self.static(node), int | float):
                 return known
             case ast.Subscript() | ast.Attribute():
                 return self.load(node)
@@ -286,7 +281,7 @@ class Lowering:
     def static(self, node: ast.expr) -> Any:
         """An entry of a table of constants, at a constant index; None if it is not one."""
         match node:
-            case ast.Name(id=name) if name not in self.slots:
+            case ast.Name(id=name) if name not in self.locals:
                 known = self.names.get(name)
                 return known if isinstance(known, tuple) else None
             case ast.Subscript(value=base, slice=index):
@@ -301,8 +296,8 @@ class Lowering:
     def name(self, name: str, node: ast.expr) -> Operand:
         if name in self.constants:
             return self.constants[name]
-        if name in self.slots:
-            return self._load_name(name)
+        if name in self.locals:
+            return self.locals.load(name)
         known = self.names.get(name)
         if isinstance(known, LaneConstant):
             return known.value
@@ -403,24 +398,6 @@ class Lowering:
         align = 8
         return Value(self.builder.load(address, typ=llvm_type(kind), align=align), kind)
 
-    def _store_name(self, name: str, value: Value) -> None:
-        if name not in self.slots:
-            with self.builder.goto_entry_block():
-                self.slots[name] = (self.builder.alloca(llvm_type(value.type)), value.type)
-        slot, kind = self.slots[name]
-        if kind != value.type and isinstance(value.type, Float) and value.type.lanes > 1 and isinstance(kind, Float):
-            # A local that begins as a scalar and goes on in lanes gets a wider slot.
-            if name in self.outside:
-                raise UnsupportedCode(f"{name!r} is a scalar before a loop and has lanes within it")
-            with self.builder.goto_entry_block():
-                self.slots[name] = (self.builder.alloca(llvm_type(value.type)), value.type)
-            slot, kind = self.slots[name]
-        self.builder.store(self.math.convert(value, kind).ir, slot)
-
-    def _load_name(self, name: str) -> Value:
-        slot, kind = self.slots[name]
-        return Value(self.builder.load(slot, typ=llvm_type(kind)), kind)
-
     # ---- calls ----------------------------------------------------------------------------------
 
     def call(self, node: ast.Call) -> Operand | None:
@@ -430,7 +407,9 @@ class Lowering:
             case ast.Attribute(value=ast.Name(id="math"), attr=name):
                 return builtins.elementary(self, name, [self.expression(a) for a in node.args], node)
             case ast.Name(id="each_lane"):
-                return self.each_lane(node.args[0], [self.math.value(self.expression(a)) for a in node.args[1:]])
+                return self.each_lane(
+                    node.args[0], [self.math.value(self.expression(a)) for a in node.args[1:]]
+                )
             case ast.Name(id=name):
                 known = self.names.get(name)
                 if builtins.is_builtin(known) or (known is None and name in builtins.PYTHON):
@@ -447,12 +426,16 @@ class Lowering:
         """`each_lane(f, …)`: the scalar f applied lane by lane."""
         results = []
         for k in range(self.lanes_of(args)):
-            scalars: list[Any] = [self.math.extract(a, k) for a in args]
-            if isinstance(function, ast.Name):
-                result = self.call_function(self.names[function.id], scalars)
-            else:
-                assert isinstance(function, ast.Attribute)
-                result = builtins.elementary(self, function.attr, scalars, function)
+            scalars = [self.math.extract(a, k) for a in args]
+            match function:
+                case ast.Name(id=name) if callable(self.names.get(name)):
+                    result = self.call_function(self.names[name], scalars)
+                case ast.Attribute(value=ast.Name(id="math"), attr=name):
+                    result = builtins.elementary(self, name, scalars, function)
+                case _:
+                    raise _refused(function)
+            if result is None:
+                raise _refused(function)
             results.append(result)
         return self.math.gather_lanes(results)
 

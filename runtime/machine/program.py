@@ -49,7 +49,11 @@ class Program:
 
 
 def build(
-    classes: tuple[Class, ...], wanted: Sequence[tuple[Form, str]], announce: Announce | None = None, *, cache: bool = True
+    classes: tuple[Class, ...],
+    wanted: Sequence[tuple[Form, str]],
+    announce: Announce | None = None,
+    *,
+    cache: bool = True,
 ) -> Program:
     """Compile, or take from the cache, the kernel and the pieces for each (form, method)."""
     store = cache_folder("objects") if cache else None
@@ -64,7 +68,9 @@ def build(
     code = Loaded([o for _, o in objects])
     pieces = {
         (form, name): Pieces(
-            {p.__name__: code.address(f"{label}_{p.__name__}") for p in METHODS[name].pieces}, facts["work"], facts["linear"]
+            {p.__name__: code.address(f"{label}_{p.__name__}") for p in METHODS[name].pieces},
+            facts["work"],
+            facts["linear"],
         )
         for (form, name), (label, facts) in labels.items()
     }
@@ -76,7 +82,9 @@ def _kernel() -> tuple[dict[str, Any], Unit]:
     unit = Unit("kernel")
     unit.lower(advance, export="advance")
     for method in METHODS.values():
-        unit.lower(method.step, lanes=method.lanes, constants=method.step_names(), export=f"step_{method.name}")
+        unit.lower(
+            method.step, lanes=method.lanes, constants=method.step_names(), export=f"step_{method.name}"
+        )
     return {}, unit
 
 
@@ -92,7 +100,11 @@ def _form(label: str, classes: tuple[Class, ...], form: Form, method: Method) ->
 
 
 def _cached(
-    store: Path | None, content: str, make: Callable[[], tuple[dict[str, Any], Unit]], announce: Announce | None, what: str
+    store: Path | None,
+    content: str,
+    make: Callable[[], tuple[dict[str, Any], Unit]],
+    announce: Announce | None,
+    what: str,
 ) -> tuple[dict[str, Any], bytes]:
     """The object for this content: its facts as a line of JSON, then its code."""
     name = hashlib.sha256(f"{machine_key()}\n{content}".encode()).hexdigest()

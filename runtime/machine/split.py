@@ -36,8 +36,6 @@ def split(function: ast.FunctionDef, output: str, fixed: Fixed) -> Split:
             before.append(_assign(_item("v", saved), statement.value))
             after.append(_assign(statement.targets[0], _item("v", saved)))
             saved += 1
-        elif isinstance(statement, ast.If) and any(isinstance(t, ast.Subscript) for t in targets(statement)):
-            after.append(statement)  # stores within a branch stay together with it
         else:
             before.append(statement)
     needed = _names_read(after)
@@ -83,6 +81,8 @@ def _moving_names(function: ast.FunctionDef, fixed: Fixed) -> set[str]:
 
 
 def _moves(statement: ast.stmt, moving: Collection[str], fixed: Fixed) -> bool:
+    if isinstance(statement, ast.If) and any(isinstance(t, ast.Subscript) for t in targets(statement)):
+        return True  # stores within a branch stay together with it
     for node in ast.walk(statement):
         match node:
             case ast.Name(id=name) if name in moving:
@@ -106,12 +106,18 @@ def _names_assigned(statements: list[ast.stmt]) -> list[str]:
 
 
 def _names_read(statements: list[ast.stmt]) -> set[str]:
-    return {n.id for s in statements for n in ast.walk(s) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)}
+    return {
+        n.id
+        for s in statements
+        for n in ast.walk(s)
+        if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)
+    }
 
 
 def _index(node: ast.Subscript) -> int:
     assert isinstance(node.slice, ast.Constant)
-    return int(node.slice.value)
+    assert isinstance(node.slice.value, int)
+    return node.slice.value
 
 
 def _item(array: str, index: int) -> ast.Subscript:

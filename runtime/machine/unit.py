@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ast
 import functools
-import hashlib
 import inspect
 import textwrap
 from collections.abc import Callable, Mapping
@@ -66,13 +65,19 @@ class Unit:
             return self._dialect(callee, lanes, constants)
 
         names = {**function.__globals__, **constants}
-        Lowering(made, kinds, returns, names, lanes, resolve, contract=True).run(parse_function(function).body)
+        Lowering(made, kinds, returns, names, lanes, resolve, contract=True).run(
+            parse_function(function).body
+        )
         return self.made[key]
 
-    def model_function(self, definition: ast.FunctionDef, types: Mapping[str, Type], lanes: int) -> ir.Function:
+    def model_function(
+        self, definition: ast.FunctionDef, types: Mapping[str, Type], lanes: int
+    ) -> ir.Function:
         """Lower one function of a generated module, inlined wherever it is used: no contraction, no other names than `math`."""
         name = self.module.get_unique_name(definition.name)
-        made = ir.Function(self.module, ir.FunctionType(ir.VoidType(), [llvm_type(k) for k in types.values()]), name)
+        made = ir.Function(
+            self.module, ir.FunctionType(ir.VoidType(), [llvm_type(k) for k in types.values()]), name
+        )
         made.linkage = "internal"
         _mark(made, inline=True, pure=False)
 
@@ -83,7 +88,7 @@ class Unit:
         return made
 
     def text(self) -> str:
-        """The module as LLVM text: its content decides the cache's key."""
+        """The module as LLVM text."""
         return str(self.module)
 
 
@@ -144,11 +149,6 @@ def machine_key() -> str:
     """What object code depends on beside its text: processor, features, LLVM, and how it is optimised."""
     version = ".".join(map(str, llvm.llvm_version_info))
     return f"{llvm.get_host_cpu_name()} {_features()} llvm {version} llvmlite {llvmlite.__version__} O2"
-
-
-def digest(text: str) -> str:
-    """Content hash of a unit's text on this machine."""
-    return hashlib.sha256(f"{machine_key()}\n{text}".encode()).hexdigest()
 
 
 def compile_object(text: str) -> bytes:
