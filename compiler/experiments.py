@@ -77,6 +77,18 @@ def choose(library: Library, name: str | None, problems: Collector) -> Choice:
     return Choice(agent, experiment)
 
 
+def standalone_agents(library: Library) -> list[str]:
+    """Agents that no other contains and that need neither arguments nor couplings."""
+    contained = {sub.instance.agent.text for agent in library.agents.values() for sub in agent.subs.values()}
+    return [
+        name
+        for name, agent in library.agents.items()
+        if name not in contained
+        and not agent.reads()
+        and all(p.default is not None for p in agent.params.values())
+    ]
+
+
 def _check_given(agent: Agent, experiment: tree.Experiment | None, problems: Collector) -> None:
     """The top agent's parameters and reads all have values."""
     if experiment is None:

@@ -24,7 +24,7 @@ from hierc.compiler.constants import UNSHARED, file_constants
 from hierc.compiler.declarations import Library, declare
 from hierc.compiler.equations import check_equations
 from hierc.compiler.evaluate import Budget, Environment, Values
-from hierc.compiler.experiments import Choice, choose, resolve_experiment, resolve_gifts
+from hierc.compiler.experiments import Choice, choose, resolve_experiment, resolve_gifts, standalone_agents
 from hierc.compiler.flat import Flat
 from hierc.compiler.flatten import flatten
 from hierc.compiler.grouping import make_groups
@@ -37,14 +37,15 @@ from hierc.compiler.outside import Given, check_given
 from hierc.compiler.parameters import Parameters, make_parameters
 from hierc.compiler.structural import structural_parameters
 from hierc.grammar import tree
-from hierc.grammar.problems import ModelError
+from hierc.grammar.problems import ModelError, Problem
 
 
 def analyse(file: tree.File, *, experiment: str | None = None, overrides: Given | None = None) -> Model:
     """The structured model of a file.
 
-    `experiment` names what runs (see `experiments.choose`). `overrides` gives parameters by path, numbers or nested lists in SI: all are checked for name, type and
-    shape, and those of structural parameters are built into the model; the others leave it as it is. Raises ModelError with all problems.
+    `experiment` names what runs (see `experiments.choose`). `overrides` gives parameters by path, numbers or nested lists in SI: all are
+    checked for name, type and shape, and those of structural parameters are built into the model; the others leave it as it is. Raises
+    ModelError with all problems.
     """
     problems = Collector()
     library = declare(file, problems)
@@ -55,6 +56,28 @@ def analyse(file: tree.File, *, experiment: str | None = None, overrides: Given 
     choice = choose(library, experiment, problems)
     problems.stop_on_errors()
     return _model(library, names, choice, overrides or {}, problems)
+
+
+def check_file(file: tree.File) -> tuple[Problem, ...]:
+    """Check a file as it stands: every experiment in it or, where there is none, every agent that can run on its own.
+
+    Returns the warnings. Raises ModelError with all problems. Agents that need arguments or couplings are checked for names and equations.
+    """
+    problems = Collector()
+    library = declare(file, problems)
+    problems.stop_on_errors()
+    check_names(library, problems)
+    check_equations(library, problems)
+    problems.stop_on_errors()
+    for name in library.experiments or standalone_agents(library):
+        try:
+            for warning in analyse(file, experiment=name).warnings:
+                problems.add(warning)
+        except ModelError as error:
+            for problem in error.problems:
+                problems.add(problem)
+    problems.stop_on_errors()
+    return problems.in_source_order()
 
 
 def _model(library: Library, names: Names, choice: Choice, overrides: Given, problems: Collector) -> Model:

@@ -52,17 +52,15 @@ def make_groups(
     index = {name: i for i, name in enumerate(groups)}
     edges: list[dict[int, Span]] = [{} for _ in groups]
     for here, name in enumerate(names):
-        if name is None:
-            continue
         for read in cascade.reads[here]:
             other = names[read.source]
-            if other is not None and other != name:
+            if name is not None and other is not None and other != name:
                 edges[index[name]].setdefault(index[other], read.span)
     _check_acyclic(groups, edges, problems)
     problems.stop_on_errors()
     sorted_groups = order([list(e) for e in edges], lambda g: names.index(groups[g]))
-    rank = {groups[g]: place for place, g in enumerate(sorted_groups)}
-    node_order = order(cascade.direct, lambda n: (rank[name] if (name := names[n]) is not None else -1, n))
+    rank: dict[str | None, int] = {groups[g]: place for place, g in enumerate(sorted_groups)}
+    node_order = order(cascade.direct, lambda node: (rank.get(names[node], -1), node))
     return Grouping(
         tuple(
             NamedGroup(groups[g], tuple(n for n in node_order if names[n] == groups[g]))

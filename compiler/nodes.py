@@ -154,8 +154,12 @@ class _NodeMaker:
         return LocalNode(node, continuous)
 
     def _definitions(self, indices: Sequence[int]) -> list[Definition]:
-        found = (self._flat.definitions[index] for index in indices)
-        return [Definition(d.name, self._own(d.value), d.span) for d in found]
+        made: list[Definition] = []
+        for index in indices:
+            definition = self._flat.definitions[index]
+            name = f"{definition.name} #{self._locals[index] + 1}" if definition.hidden else definition.name
+            made.append(Definition(name, self._own(definition.value), definition.span))
+        return made
 
     def _own(self, expr: Expr) -> Expr:
         return rewritten(expr, self._leaf)

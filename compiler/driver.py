@@ -1,0 +1,95 @@
+"""The compiler from end to end: it only sequences the phases, and can show what each of them made.
+
+text --parse--> tree --front--> model --symbolic--> programs --plan--> tables --emit--> Python
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, assert_never, get_args
+
+from hierc.compiler.front import analyse, check_file
+from hierc.compiler.model import Model
+from hierc.compiler.outside import check_given
+from hierc.grammar.parser import parse
+from hierc.grammar.problems import Problem
+from hierc.grammar.source import SourceFile
+
+Stage = Literal["ast", "model", "cascade", "symbolic", "plan", "python"]
+STAGES: tuple[Stage, ...] = get_args(Stage)
+
+
+@dataclass(frozen=True, slots=True)
+class Compiled:
+    """The text of a generated module, with the compiler's warnings and the paths of the parameters that are built into it."""
+
+    text: str
+    warnings: tuple[Problem, ...]
+    structural: tuple[str, ...]
+
+
+def compile_source(
+    source: SourceFile, experiment: str | None = None, params: Mapping[str, object] | None = None
+) -> Compiled:
+    """Compile a model. `params`: parameters by path, in SI. Raises ModelError with all problems."""
+    model = model_of(source, experiment, params)
+    structural = tuple(p.path for p in model.parameters if p.structural)
+    return Compiled(_python(model), model.warnings, structural)
+
+
+def model_of(
+    source: SourceFile, experiment: str | None = None, params: Mapping[str, object] | None = None
+) -> Model:
+    """The structured model of a source file. Raises ModelError with all problems."""
+    return analyse(parse(source), experiment=experiment, overrides=params)
+
+
+def check_source(source: SourceFile) -> tuple[Problem, ...]:
+    """Check everything in a file and give its warnings. Raises ModelError with all problems."""
+    return check_file(parse(source))
+
+
+def check_params(model: Model, params: Mapping[str, object]) -> None:
+    """Check values given by path against a model's parameters: names, types, shapes. Raises ModelError with all problems."""
+    check_given(model.parameters, params)
+
+
+def emit(
+    source: SourceFile, stage: str, experiment: str | None = None, params: Mapping[str, object] | None = None
+) -> str:
+    """What a phase made, as text. `stage` is one of `STAGES`; ValueError for another. Raises ModelError with all problems."""
+    from hierc.compiler.dump import dump_cascade, dump_model, dump_tree
+
+    chosen = next((s for s in STAGES if s == stage), None)
+    if chosen is None:
+        raise ValueError(f"no stage {stage!r}: choose from {', '.join(STAGES)}")
+    if chosen == "ast":
+        return dump_tree(parse(source).items)
+    model = model_of(source, experiment, params)
+    match chosen:
+        case "model":
+            return dump_model(model)
+        case "cascade":
+            return dump_cascade(model)
+        case "symbolic":
+            from hierc.compiler.symbolic import derive
+
+            return dump_tree(derive(model))
+        case "plan":
+            from hierc.compiler.plan import plan
+            from hierc.compiler.symbolic import derive
+
+            return dump_tree(plan(model, derive(model)))
+        case "python":
+            return _python(model)
+        case _ as never:
+            assert_never(never)
+
+
+def _python(model: Model) -> str:
+    from hierc.compiler.emit import emit as emit_plan
+    from hierc.compiler.plan import plan
+    from hierc.compiler.symbolic import derive
+
+    return emit_plan(plan(model, derive(model)))
