@@ -71,7 +71,8 @@ class FunctionBody:
         self._names = names or {}
         self._comments = comments or {}
         self._prefix = prefix
-        self._named: dict[int, str] = {}
+        self._count_of_names = 0
+        self._named: dict[int, str] = {}  # what the scope being written may use
         self._inline: dict[int, tuple[Target, int]] = {}  # expression and its operations
         self._uses: Counter[int] = Counter()
         self._loaded: dict[int, str] = {}
@@ -136,12 +137,15 @@ class FunctionBody:
         test = self._test(step.condition)
         branches = []
         for block in (step.then, step.other):
+            outside = len(self._named)
             body = self._block(block)
             body += [
                 Assign(target, self._expression(result), self._names.get(value, ""))
                 for target, result, value in zip(targets, block.results, step.values, strict=True)
             ]
             branches.append(tuple(body))
+            while len(self._named) > outside:  # what a branch names nobody else may use
+                self._named.popitem()
         return If(test, branches[0], branches[1])
 
     def _compute(self, value: int, out: list[Statement]) -> None:
@@ -156,10 +160,14 @@ class FunctionBody:
         out.append(Assign(Name(self._name(value)), expression, self._names.get(value, "")))
 
     def _name(self, value: int) -> str:
-        if value not in self._named:
-            self._named[value] = f"{self._prefix}{len(self._named)}"
+        """A name for a value in this scope."""
+        self._named[value] = self._fresh()
         self._inline.pop(value, None)
         return self._named[value]
+
+    def _fresh(self) -> str:
+        self._count_of_names += 1
+        return f"{self._prefix}{self._count_of_names - 1}"
 
     # ---- expressions ---------------------------------------------------------------------
 
@@ -223,8 +231,7 @@ class FunctionBody:
 
     def _temporary(self, expression: Target, out: list[Statement]) -> Name:
         """A name for an intermediate result of one operation."""
-        name = Name(f"{self._prefix}{len(self._named)}")
-        self._named[-1 - len(self._named)] = name.id
+        name = Name(self._fresh())
         out.append(Assign(name, expression))
         return name
 

@@ -197,9 +197,10 @@ LISTED = 40
 
 def _face(plan: Plan) -> list[Statement]:
     states = [
-        f"{node.path}.{name}" if node.path else name
-        for node in plan.nodes
-        for name in plan.symbolic.forms[node.kind].states
+        f"{plan.nodes[n].path}.{name}" if plan.nodes[n].path else name
+        for group in plan.groups  # the order of state vectors
+        for n in group.nodes
+        for name in plan.symbolic.forms[plan.nodes[n].kind].states
     ]
     names = {
         "PARAMETERS": [p.path for p in plan.parameters],

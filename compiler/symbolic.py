@@ -270,7 +270,8 @@ class _FormBuilder:
         stored = [v for stores in functions.values() for _, v in stores]
         expanded = expand(graph, [*stored, *definitions])
         functions = {f: [(k, expanded[v]) for k, v in stores] for f, stores in functions.items()}
-        fill = constants(graph, [[v for _, v in stores] for stores in functions.values()])
+        roots = {f: [v for _, v in stores] for f, stores in functions.items()}
+        fill = constants(graph, [roots[f] for f in roots if f != "observe"], roots["observe"])
         leaves = {v: graph.leaf("value", k) for k, v in enumerate(fill)}
         new = replace(graph, expanded.values(), leaves)
         names: dict[int, str] = {}

@@ -52,8 +52,7 @@ BOOLEAN = frozenset(COMPARISONS) | {"and", "or", "not"}
 COMMUTATIVE = frozenset(
     {"add", "mul", "eq", "ne", "and", "or"}
 )  # `max` and `min` are not: which NaN, which zero
-#: Operations without a domain: evaluating them in vain can neither raise nor trap.
-TOTAL = frozenset({"add", "sub", "mul", "neg", "abs", "sign", "min", "max"}) | BOOLEAN
+_TOTAL = frozenset({"add", "sub", "mul", "neg", "abs", "sign", "min", "max"}) | BOOLEAN
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +181,13 @@ class Graph:
     def is_leaf(self, value: int) -> bool:
         """Whether a value is made of nothing."""
         return not self.values[value].args
+
+    def is_total(self, value: int) -> bool:
+        """Whether the operation (not its arguments) can be evaluated in vain: it has no domain, so it can neither raise nor trap."""
+        v = self.values[value]
+        if v.op == "div":
+            return self.literal(v.args[1]) not in (None, 0.0)
+        return not v.args or v.op in _TOTAL
 
     def reach(self, roots: Iterable[int]) -> list[int]:
         """Everything the roots are made of, in both branches of every `if`, arguments first."""

@@ -12,7 +12,7 @@ from typing import assert_never
 
 from hierc.compiler.expression import Apply, Choose, Expr, Input, Local, Number, Parameter, Rate, State, Time
 from hierc.compiler.model import Node
-from hierc.compiler.symbolic_graph import TOTAL, Graph
+from hierc.compiler.symbolic_graph import Graph
 
 
 class Lowering:
@@ -108,4 +108,4 @@ class Lowering:
 
 def is_total(graph: Graph, value: int) -> bool:
     """Whether a value can be evaluated in vain: nothing in it has a domain."""
-    return all(graph.is_leaf(v) or graph.values[v].op in TOTAL for v in graph.reach([value]))
+    return all(graph.is_total(v) for v in graph.reach([value]))

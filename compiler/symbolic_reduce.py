@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from hierc.compiler.symbolic_graph import TOTAL, Depends, Graph
+from hierc.compiler.symbolic_graph import Depends, Graph
 
 #: Up to this power products are used; above, `pow` is as fast and more accurate.
 LARGEST_PRODUCT = 32
@@ -45,14 +45,16 @@ def power(graph: Graph, base: int, exponent: float) -> int:
     return graph.number(1.0) if result is None else result
 
 
-def constants(graph: Graph, functions: Sequence[Iterable[int]]) -> tuple[int, ...]:
-    """The largest values of parameters alone in what functions store; each is to be computed once a run."""
-    roots = [v for stored in functions for v in stored]
+def constants(graph: Graph, functions: Sequence[Iterable[int]], extra: Iterable[int] = ()) -> tuple[int, ...]:
+    """The largest values of parameters alone in what functions store; each is to be computed once a run.
+
+    What only `extra` needs is taken out if it cannot fail: a variable without a value must not stop the run.
+    """
+    roots = [*(v for stored in functions for v in stored), *extra]
     certain = {v for stored in functions for v in graph.always(stored)}
     total: set[int] = set()
     for v in graph.reach(roots):
-        value = graph.values[v]
-        if not value.args or (value.op in TOTAL and total.issuperset(value.args)):
+        if graph.is_total(v) and total.issuperset(graph.values[v].args):
             total.add(v)
     found: set[int] = set()
     seen: set[int] = set()

@@ -19,20 +19,47 @@ class X:
 
     tree: e.Expr
 
-    def __add__(self, other): return apply("add", self, other)
-    def __radd__(self, other): return apply("add", other, self)
-    def __sub__(self, other): return apply("sub", self, other)
-    def __rsub__(self, other): return apply("sub", other, self)
-    def __mul__(self, other): return apply("mul", self, other)
-    def __rmul__(self, other): return apply("mul", other, self)
-    def __truediv__(self, other): return apply("div", self, other)
-    def __rtruediv__(self, other): return apply("div", other, self)
-    def __pow__(self, other): return apply("pow", self, other)
-    def __neg__(self): return apply("neg", self)
-    def __lt__(self, other): return apply("lt", self, other)
-    def __le__(self, other): return apply("le", self, other)
-    def __gt__(self, other): return apply("gt", self, other)
-    def __ge__(self, other): return apply("ge", self, other)
+    def __add__(self, other):
+        return apply("add", self, other)
+
+    def __radd__(self, other):
+        return apply("add", other, self)
+
+    def __sub__(self, other):
+        return apply("sub", self, other)
+
+    def __rsub__(self, other):
+        return apply("sub", other, self)
+
+    def __mul__(self, other):
+        return apply("mul", self, other)
+
+    def __rmul__(self, other):
+        return apply("mul", other, self)
+
+    def __truediv__(self, other):
+        return apply("div", self, other)
+
+    def __rtruediv__(self, other):
+        return apply("div", other, self)
+
+    def __pow__(self, other):
+        return apply("pow", self, other)
+
+    def __neg__(self):
+        return apply("neg", self)
+
+    def __lt__(self, other):
+        return apply("lt", self, other)
+
+    def __le__(self, other):
+        return apply("le", self, other)
+
+    def __gt__(self, other):
+        return apply("gt", self, other)
+
+    def __ge__(self, other):
+        return apply("ge", self, other)
 
 
 HERE = SourceFile("hand.hier", "0.0;\n")
@@ -51,11 +78,24 @@ def choose(condition, then, other) -> X:
     return X(e.Choose(SPAN, tree(condition), tree(then), tree(other)))
 
 
-def sin(x): return apply("sin", x)
-def cos(x): return apply("cos", x)
-def sqrt(x): return apply("sqrt", x)
-def exp(x): return apply("exp", x)
-def log(x): return apply("log", x)
+def sin(x):
+    return apply("sin", x)
+
+
+def cos(x):
+    return apply("cos", x)
+
+
+def sqrt(x):
+    return apply("sqrt", x)
+
+
+def exp(x):
+    return apply("exp", x)
+
+
+def log(x):
+    return apply("log", x)
 
 
 TIME = X(e.Time(SPAN))
@@ -70,7 +110,9 @@ class Agent:
     parameters: dict[str, float | X] = field(default_factory=dict)
     states: dict[str, list] = field(default_factory=dict)  # initial, nominal, rate, line text
     definitions: list[tuple[str, X]] = field(default_factory=list)
-    inputs: list[tuple[str, str, int | str]] = field(default_factory=list)  # path of the agent read, kind, index or name
+    inputs: list[tuple[str, str, int | str]] = field(
+        default_factory=list
+    )  # path of the agent read, kind, index or name
     algebraic: list[str] = field(default_factory=list)
 
     def parameter(self, name, value):
@@ -144,13 +186,32 @@ def build(name, agents, groups, *, doc="", settings=m.Settings(), record=(), sav
         sources = tuple(source(*i) for i in a.inputs)
         whole = Span(file, 0, 1)
         nodes.append(
-            m.Node(n, a.path, a.template, states, definitions, sources, (SPAN,) * len(sources), tuple(entries), whole)
+            m.Node(
+                n,
+                a.path,
+                a.template,
+                states,
+                definitions,
+                sources,
+                (SPAN,) * len(sources),
+                tuple(entries),
+                whole,
+            )
         )
         variables += grouped(a, n)
     experiment = m.Experiment(None, settings, (), tuple(record), tuple(save))
     cascade = tuple(m.Group(g, tuple(order[p] for p in paths)) for g, paths in groups.items())
     return m.Model(
-        name, doc, file.name, tuple(parameters), first, tuple(nodes), cascade, tuple(variables), experiment, ()
+        name,
+        doc,
+        file.name,
+        tuple(parameters),
+        first,
+        tuple(nodes),
+        cascade,
+        tuple(variables),
+        experiment,
+        (),
     )
 
 
@@ -210,7 +271,18 @@ def unicycle(path="kin", plan="plan"):
     return a
 
 
-CART = {"d": 0.0, "k1": 4.0, "k2": 10.0, "k3": 5.0, "kv": 30.0, "kt": 150.0, "m": 10.0, "J": 1.0, "r": 0.1, "b": 0.25}
+CART = {
+    "d": 0.0,
+    "k1": 4.0,
+    "k2": 10.0,
+    "k3": 5.0,
+    "kv": 30.0,
+    "kt": 150.0,
+    "m": 10.0,
+    "J": 1.0,
+    "r": 0.1,
+    "b": 0.25,
+}
 TAIL = {**CART, "d": 1.0, "k1": 8.0, "k2": 20.0, "k3": 10.0, "kv": 80.0, "kt": 400.0}
 
 
@@ -255,3 +327,64 @@ def cart4() -> m.Model:
     settings = m.Settings(stop=50.0, rtol=1e-6, interval=0.1)
     record = ("plan.p", "kin.x", "kin.y", "cart.x", "cart.y", "tail.x", "tail.y")
     return build("Cart4", agents, groups, doc="Four-level cart.", settings=settings, record=record)
+
+
+# ---- small models -----------------------------------------------------------------------------
+
+
+def toy() -> m.Model:
+    """Two agents in a cascade: a clock and one that follows it."""
+    a = Agent("slow", "Clock")
+    w = a.parameter("w", 0.5)
+    x = a.state("x", 1.0)
+    a.diff("x", -w * x + sin(TIME), "x' = -w*x + sin(time);")
+    b = Agent("fast", "Follower")
+    k = b.parameter("k", 20.0)
+    y = b.state("y", 0.0)
+    r = b.read("slow", "x")
+    b.diff("y", k * (r - y), "y' = k*(r - y);")
+    return build("Toy", [a, b], {"slow": ["slow"], "fast": ["fast"]})
+
+
+def ring() -> m.Model:
+    """Two agents that read each other's algebraic outputs, in one group, one of which needs no input; and a filter without states.
+
+    a.free = 2 x_a (no input); b.g = b.y + a.free; a.h = a.free*b.g; both rates use both.
+    """
+    a = Agent("a", "Left")
+    x = a.state("x", 0.3)
+    g = a.read("b", "g", "local")
+    free = a.alge("free", 2 * x)
+    h = a.alge("h", free * g)
+    a.diff("x", -x + h, "x' = -x + h;")
+    f = Agent("f", "Filter")
+    double = f.read("a", "free", "local")
+    out = f.alge("out", 3 * double + TIME)
+    b = Agent("b", "Right")
+    y = b.state("y", -0.2)
+    fo = b.read("f", "out", "local")
+    ha = b.read("a", "h", "local")
+    gb = b.alge("g", y + fo)
+    b.diff("y", -y * gb + ha, "y' = -y*g + h;")
+    assert out
+    return build("Ring", [a, f, b], {"ring": ["a", "b"]})
+
+
+def single(rates, *, parameters=None, inputs=0, initial=None, names=None, algebraic=()) -> m.Model:
+    """One agent `a` whose rates are made by `rates(states, inputs, parameters)`; inputs are states of an agent `s` before it."""
+    source = Agent("s", "Source")
+    for k in range(inputs):
+        source.state(f"z{k}", 0.1 * k)
+        source.diff(f"z{k}", 0.0 * TIME)
+    a = Agent("a", "Single")
+    p = [a.parameter(f"p{k}", value) for k, value in enumerate(parameters or [])]
+    u = [a.read("s", f"z{k}") for k in range(inputs)]
+    count = len(initial) if initial is not None else 3
+    names = names or [f"x{k}" for k in range(count)]
+    x = [a.state(names[k], (initial or [0.0] * count)[k]) for k in range(count)]
+    made = rates(x, u, p)
+    for name, rate in zip(names, made, strict=True):
+        a.diff(name, rate)
+    agents = [source, a] if inputs else [a]
+    groups = {agent.path: [agent.path] for agent in agents}
+    return build("Single", agents, groups)

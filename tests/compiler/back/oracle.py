@@ -141,12 +141,12 @@ class Interpreter:
             case "floor" | "ceil", (x,):
                 return getattr(lib, op)(x) + 0.0
             case "max", (x, y):
-                return x if x > y else y
+                return max(y, x)
             case "min", (x, y):
-                return x if x < y else y
+                return min(y, x)
             case "not", (x,):
                 return 0.0 if x else 1.0
-            case ("lt" | "le" | "gt" | "ge" | "eq" | "ne"), (x, y):
+            case (("lt" | "le" | "gt" | "ge" | "eq" | "ne"), (x, y)):
                 same = {"lt": x < y, "le": x <= y, "gt": x > y, "ge": x >= y, "eq": x == y, "ne": x != y}
                 return 1.0 if same[op] else 0.0
         return getattr(lib, op)(*a)

@@ -66,7 +66,9 @@ def test_right_hand_sides_are_the_mathematics(system):
         t, z = rng.uniform(0, 50), rng.normal(size=19)
         expected = p1(t, z)
         # Terms of size 1e4 cancel in the torque loops: the scale is the largest rate.
-        np.testing.assert_allclose(system.flat(t, z), expected, rtol=1e-12, atol=1e-13 * np.abs(expected).max())
+        np.testing.assert_allclose(
+            system.flat(t, z), expected, rtol=1e-12, atol=1e-13 * np.abs(expected).max()
+        )
 
 
 def test_initial_values(system):
@@ -84,7 +86,9 @@ def test_the_interpreter_agrees_to_a_few_ulps(system):
             for ours, theirs in zip(system.rates(t, states, n), plain.rates(n), strict=True):
                 assert ulps(ours, theirs) <= 2
         v, om = (plain.source(s.elements[0]) for s in model.variables if s.path in ("kin.v", "kin.om"))
-        assert [ulps(*pair) <= 2 for pair in zip(system.observed(t, states, 1), (v, om), strict=True)] == [True] * 2
+        assert [ulps(*pair) <= 2 for pair in zip(system.observed(t, states, 1), (v, om), strict=True)] == [
+            True
+        ] * 2
 
 
 def test_scipy_reproduces_the_independent_solution(system):
