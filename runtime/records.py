@@ -76,6 +76,7 @@ class Group(Record):
     refresh: int
     iterate: int
     estimate: int
+    defect: int
     accept: int
     attempt: int
     work: Array[Lanes]

@@ -27,8 +27,12 @@ def covered(g: Group, groups: Array[Group], end: float) -> bool:
 
 def read_inputs(
     g: Group, groups: Array[Group], t: Lanes, low: float, high: float, u: Array[Lanes]
-) -> None:
-    """Evaluate all inputs of g at the times t, which lie in [low, high], into u. `low` never decreases between calls."""
+) -> int:
+    """Evaluate all inputs of g at the times t, which lie in [low, high], into u. `low` never decreases between calls.
+
+    Returns the most segments of one source that [low, high] touches.
+    """
+    most = 0
     for s in range(g.source_count):
         source = g.sources[s]
         up = groups[source.group]
@@ -44,6 +48,8 @@ def read_inputs(
             k += 1
             piece = segment(up, k)
             blend(piece, up.degree, place, source.count, t, into)
+        most = max(most, k - source.cursor + 1)
+    return most
 
 
 def evaluate(piece: Array[float], degree: int, place: Array[int], count: int, theta: Lanes, into: Array[Lanes]) -> None:

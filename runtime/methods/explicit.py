@@ -25,6 +25,8 @@ from hierc.runtime.segments import HEADER, covered, read_inputs, segment
 Row = tuple[float, ...]
 #: Failed trials of one step before the right-hand side itself is blamed.
 MOST_REJECTIONS = 60
+#: A step sees too little of inputs that change within more segments than this: it is made shorter.
+MOST_SEGMENTS = 4
 _SAFETY = 0.9
 
 
@@ -260,9 +262,13 @@ def step(g: Group, groups: Array[Group]) -> float:
             return TOO_SMALL
         if not covered(g, groups, g.end):
             return WAITING
+        segments = 0
         for s in unroll(LAST_STAGE + 1):
             t = g.t + C[s] * g.trial
-            read_inputs(g, groups, t, g.t, t, at(g.u, s * (g.inputs)))
+            segments = max(segments, read_inputs(g, groups, t, g.t, t, at(g.u, s * g.inputs)))
+        if segments > MOST_SEGMENTS:
+            g.h = g.trial * (0.9 * MOST_SEGMENTS / segments)
+            continue
         error = invoke(g.attempt, g)
         g.evaluations += STAGES
         if error < 1.0:

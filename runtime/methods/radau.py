@@ -14,7 +14,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from hierc.runtime.control import after_acceptance, after_rejection, power, propose_end
 from hierc.runtime.machine.dialect import (
@@ -39,6 +42,7 @@ from hierc.runtime.segments import HEADER, covered, read_inputs, segment
 
 if TYPE_CHECKING:  # given by compose.py
     N: int
+    INPUTS: int
     LANES: int
     STAGES: int
     HALF: int
@@ -53,6 +57,7 @@ if TYPE_CHECKING:  # given by compose.py
     OUT: int
     FACTORS: int
     NODES: Lanes
+    BETWEEN_NODES: Lanes
     STAGE_MASK: Lanes
     FIRST_LANE: Lanes
     ERROR: Lanes
@@ -61,6 +66,7 @@ if TYPE_CHECKING:  # given by compose.py
     TO_EIGEN: Array[Lanes]
     FROM_EIGEN: Array[Lanes]
     TO_POWERS: Array[Lanes]
+    BETWEEN: Array[Lanes]
 
     def rhs_fixed(t: Lanes, u: Array[Lanes], p: Array[float], v: Array[Lanes]) -> None: ...
     def rhs(
@@ -78,6 +84,8 @@ if TYPE_CHECKING:  # given by compose.py
 MOST_ITERATIONS = 8
 #: Fresh Jacobians at the current iterate before a stalled iteration is given up.
 MOST_REFRESHES = 2
+#: A step over more segments of one source than this is checked for inputs it cannot see.
+FEW_SEGMENTS = 2
 #: Failed trials of one step before the right-hand side itself is blamed.
 MOST_REJECTIONS = 60
 
@@ -203,6 +211,41 @@ def estimate(g: Group, again: int) -> float:
     return math.sqrt(norm / N)
 
 
+def defect(g: Group) -> float:
+    """Norm of what a step cannot see of its inputs: their deviation, between the stages, from the polynomial through the stages.
+
+    A reader whose steps are long beside those of what it reads samples its inputs too thinly, and its error estimate, made of the same samples, would
+    not show it. Here the right-hand side is compared at points between the stages with the inputs as they are and as the stages make them seem.
+    """
+    y = at(g.work, Y)
+    z = at(g.work, Z)
+    f = at(g.work, F)
+    w = at(g.work, W)
+    seen = at(g.u, 2 * INPUTS)
+    for k in range(INPUTS):
+        seen[k] = between(g.u[k])
+    for i in range(N):
+        y[i] = g.x[i] + between(z[i])
+    t = g.t + g.trial * BETWEEN_NODES
+    rhs_fixed(t, at(g.u, INPUTS), g.p, at(g.work, V))
+    rhs(t, y, at(g.u, INPUTS), g.p, f, at(g.work, V))
+    rhs_fixed(t, seen, g.p, at(g.work, V))
+    rhs(t, y, seen, g.p, w, at(g.work, V))
+    norm = NODES * 0.0
+    for i in range(N):
+        q = g.trial * (f[i] - w[i]) * (1.0 / (g.absolute[i] + g.rtol * abs(g.x[i])))
+        norm = fma(q, q, norm)
+    return math.sqrt(total(norm * STAGE_MASK) * (1.0 / (N * STAGES)))
+
+
+def between(v: Lanes) -> Lanes:
+    """Values at the stages and the start to values between them, by the polynomial through all."""
+    a = lane(v, 0) * BETWEEN[0]
+    for j in unroll(STAGES):
+        a = fma(lane(v, j + 1), BETWEEN[j + 1], a)
+    return a
+
+
 def accept(g: Group) -> float:
     """Write the step's segment and advance the states."""
     y = at(g.work, Y)
@@ -254,7 +297,7 @@ def step(g: Group, groups: Array[Group]) -> float:
             return TOO_SMALL
         if not covered(g, groups, g.end):
             return WAITING
-        read_inputs(g, groups, g.t + g.trial * NODES, g.t, g.end, g.u)
+        segments = read_inputs(g, groups, g.t + g.trial * NODES, g.t, g.end, g.u)
         iterations = newton(g)
         if iterations == 0:
             g.failures += 1
@@ -268,6 +311,11 @@ def step(g: Group, groups: Array[Group]) -> float:
         if error >= 1.0 and (g.count == 0 or g.rejections > 0):
             error = invoke(g.estimate, g, 1)
             g.evaluations += 1
+        if segments > FEW_SEGMENTS and error < 1.0:
+            t = g.t + g.trial * BETWEEN_NODES
+            read_inputs(g, groups, t, g.t, g.end, at(g.u, g.inputs))
+            error = max(error, invoke(g.defect, g))
+            g.evaluations += 2
         safety = 0.9 * (2.0 * MOST_ITERATIONS + 1.0) / (2.0 * MOST_ITERATIONS + iterations)
         if error < 1.0:
             invoke(g.accept, g)
@@ -371,7 +419,7 @@ class Radau:
 
     @property
     def input_rows(self) -> int:
-        return self.tables.lanes
+        return 3 * self.tables.lanes  # as they are at the stages, as they are between them, as the stages make them seem
 
     @property
     def step(self) -> Piece:
@@ -379,12 +427,24 @@ class Radau:
 
     @property
     def pieces(self) -> tuple[Piece, ...]:
-        return (initial, begin, refresh, iterate, estimate, accept)
+        return (initial, begin, refresh, iterate, estimate, defect, accept)
 
     def step_names(self) -> Mapping[str, Any]:
-        """The stages' places in the step; lane `stages` is its start."""
+        """The stages' places in the step; lane `stages` is its start. Places between them for `defect`."""
         s, lanes = self.tables.stages, self.lanes
-        return {"NODES": LaneConstant((*self.tables.nodes, 0.0, *[1.0] * (lanes - s - 1)))}
+        middles = tuple((a + b) / 2.0 for a, b in pairwise((0.0, *self.tables.nodes)))
+        return {
+            "NODES": LaneConstant((*self.tables.nodes, 0.0, *[1.0] * (lanes - s - 1))),
+            "BETWEEN_NODES": LaneConstant(middles + (1.0,) * (lanes - s)),
+        }
+
+    def _between(self) -> tuple[tuple[float, ...], ...]:
+        """Lagrange interpolation from the stages and the start to the places between them: row j for the value at stage j (the start last)."""
+        s = self.tables.stages
+        nodes = np.array([*self.tables.nodes, 0.0])
+        middles = (np.array([0.0, *self.tables.nodes[:-1]]) + self.tables.nodes) / 2.0
+        weights = np.linalg.solve(np.vander(nodes, increasing=True).T, np.vander(middles, s + 1, increasing=True).T)
+        return tuple((*map(float, row), *[0.0] * (self.lanes - s)) for row in weights)
 
     def names(self, composer: Composer) -> Names:
         """Tables, workspace and the functions of one form."""
@@ -399,6 +459,8 @@ class Radau:
             **self.step_names(),
             **offsets,
             "N": n,
+            "INPUTS": composer.form.inputs,
+            "BETWEEN": LaneTable(self._between()),
             "LANES": lanes,
             "STAGES": s,
             "HALF": half,
