@@ -32,7 +32,7 @@ ECHO = 2  # tokens
 FAR = 8  # tokens that show a guess at what is missing to be right
 
 #: Tokens that wait on the parser's stack for what they open. Chains such as `x + x + …` do not grow the stack.
-_OPENERS = frozenset({"LPAR", "LSQB", "LBRACE", "NOT", "POW", "IF", "THEN", "ELSE"})
+_OPENERS = frozenset({"LPAR", "LSQB", "LBRACE", "NOT", "POW", "IF"})
 
 _STOPS = re.compile(
     r"""//[^\n]* | /\*[\s\S]*?(?:\*/|\Z) | "(?:\\.|[^"\\\n])*" | [{};] | [A-Za-z_]\w* | .""",

@@ -19,7 +19,7 @@ from hierc.grammar.situation import CLOSERS, Repair, Situation, span_of
 from hierc.grammar.source import SourceFile, Span
 from hierc.grammar.words import END, JUNK
 
-LARGEST_INT = 2**53  # beyond it a float no longer tells neighbouring integers apart
+LARGEST_INT = 2**53  # from it on a float no longer tells neighbouring integers apart
 
 
 Rule = Callable[[Situation], Repair | None]
@@ -37,7 +37,7 @@ def literal_problems(source: SourceFile, token: Token) -> Iterator[Problem]:
     """Whether a number can be held as written."""
     value = float(token)
     vanishes = value == 0 and re.search("[1-9]", re.split("[eE]", token)[0]) is not None
-    if math.isinf(value) or vanishes or (token.isdigit() and value > LARGEST_INT):
+    if math.isinf(value) or vanishes or (token.isdigit() and value >= LARGEST_INT):
         yield errors.NumberOutOfRange(span_of(source, token), str(token), value)
 
 
@@ -58,10 +58,11 @@ _OTHER_SIGNS = {
 def _unclosed_string(at: Situation) -> Repair | None:
     if at.found.type != JUNK or at.found != '"':
         return None
-    line = at.matched(r"[^\n]*")
+    # What closes the statement at the end of the line is most likely not meant to be in the string.
+    line = at.matched(r"[^\n]*?(?=[;,)}\] \t\r]*(?:\n|\Z))")
     stop = line.end() if line else at.stop
     insert = ("STRING",) if at.fits("STRING") else None
-    return Repair(errors.UnclosedString(Span(at.source, at.start, stop)), insert, stop)
+    return Repair(errors.UnclosedString(Span(at.source, at.start, stop)), insert, stop, sure=True)
 
 
 def _strange_characters(at: Situation) -> Repair | None:
@@ -74,7 +75,9 @@ def _strange_characters(at: Situation) -> Repair | None:
     text = at.source.text[at.start : stop]
     advice = (_OTHER_SIGNS[text],) if text in _OTHER_SIGNS else ()
     problem = errors.UnexpectedCharacter(Span(at.source, at.start, stop), text, advice)
-    return Repair(problem, ("ADD",) if at.fits("ADD") and text in _OTHER_SIGNS else (), stop)
+    if text in _OTHER_SIGNS and at.fits("ADD"):
+        return Repair(problem, ("ADD",), stop, sure=True)
+    return Repair(problem, (), stop)
 
 
 def _strange_name(at: Situation) -> Repair:
@@ -345,15 +348,15 @@ def _in_the_way(at: Situation) -> Repair | None:
     kind = at.found.type
     closes_nothing = kind in CLOSERS and all(b.type != CLOSERS[kind] for b in at.open_brackets)
     ends_nothing = kind == "SEMICOLON" and words.begins_statement(at.accepts)
-    return _in_excess(at) if closes_nothing or ends_nothing else None
+    return _in_excess(at, sure=ends_nothing) if closes_nothing or ends_nothing else None
 
 
-def _in_excess(at: Situation) -> Repair:
+def _in_excess(at: Situation, *, sure: bool) -> Repair:
     after = "" if at.previous is None else str(at.previous)
     problem = errors.UnexpectedToken(
         at.place, "", after, words.found(at.found.type, at.found), ("remove it",)
     )
-    return Repair(problem, (), at.stop)
+    return Repair(problem, (), at.stop, sure)
 
 
 def _left_out(at: Situation) -> Repair | None:
@@ -368,7 +371,7 @@ def _left_out(at: Situation) -> Repair | None:
     if not at.reach(insert, resume):
         return _on_to_the_brace(at, _general(at))
     if resume == at.stop:
-        return _in_excess(at)
+        return _in_excess(at, sure=False)
     bracket = at.innermost(CLOSERS[insert[0]]) if insert[0] in CLOSERS else None
     advice = ("write `()` where there is nothing to give",) if insert == ("LPAR", "RPAR") else ()
     return Repair(_general(at, advice, bracket), insert, resume)
@@ -379,7 +382,7 @@ def _on_to_the_brace(at: Situation, problem: Problem) -> Repair | None:
     ahead = at.matched(r"[^\n{};]*(?=\{)")
     if ahead is None or not at.fits("LBRACE"):
         return None
-    return Repair(problem, (), ahead.end())
+    return Repair(problem, (), ahead.end(), sure=True)
 
 
 def _general(
