@@ -61,7 +61,9 @@ def elementary(low: Lowering, name: str, args: Sequence[Operand], node: ast.AST)
     lanes = max(v.type.lanes if isinstance(v.type, Float) else 1 for v in values)
     values = [low.math.convert(v, Float(lanes)) for v in values]
     if name in _EXACT:
-        return _intrinsic(low, _EXACT[name], values)
+        exact = _intrinsic(low, _EXACT[name], values)
+        # CPython's floor and ceil are integers, which have no negative zero; adding 0.0 takes its sign away.
+        return low.math.binary("Add", exact, 0.0) if name in ("floor", "ceil") else exact
     if lanes > 1 and name in _OVER_LANES:
         result = low.call_function(_OVER_LANES[name], values)
         assert result is not None
@@ -92,7 +94,10 @@ def _libm(low: Lowering, name: str, arity: int) -> ir.Function:
     if isinstance(known, ir.Function):
         return known
     function = ir.Function(low.function.module, ir.FunctionType(DOUBLE, [DOUBLE] * arity), name)
-    for attribute in ("nounwind", "willreturn", "memory(none)"):
+    attributes = ["nounwind", "willreturn", "memory(none)"]
+    if name == "pow":
+        attributes.append("nobuiltin")  # LLVM would make pow(x, 0.5) a root, pow(2, x) an exp2: not the same bits
+    for attribute in attributes:
         add_attribute(function, attribute)
     return function
 
@@ -116,6 +121,8 @@ def call(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> Operan
             return Value(builder.fptosi(a.ir, I64), Int())
         case "int", [Value(type=Int()) as a]:
             return a
+        case "abs", [int() | float() as a]:
+            return abs(a)
         case "abs", [Value(type=Float()) as a]:
             return _intrinsic(low, "fabs", [a])
         case (("max" | "min"), [a, b]):
