@@ -6,7 +6,7 @@ that asked for its value catches it, keeps the problem, and goes on with the nex
 
 from __future__ import annotations
 
-from hierc.grammar.problems import ModelError, Problem
+from hierc.grammar.problems import ModelError, Problem, in_source_order
 from hierc.grammar.source import Span
 
 
@@ -40,9 +40,4 @@ class Collector:
 
     def in_source_order(self) -> tuple[Problem, ...]:
         """All problems by file and place."""
-        return tuple(sorted(self._problems.values(), key=_place))
-
-
-def _place(problem: Problem) -> tuple[str, int, int]:
-    span = problem.span
-    return ("", 0, 0) if span is None else (span.file.name, span.start, span.stop)
+        return tuple(in_source_order(self._problems.values()))

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
-
-def suggestion(word: str, names: Iterable[str]) -> str | None:
-    """The name most like `word`, or None when nothing is close."""
-    candidates = sorted(set(names) - {word})
-    by_case = [name for name in candidates if name.lower() == word.lower()]
-    close = by_case or get_close_matches(word, candidates, n=1, cutoff=0.6)
-    return close[0] if close else None
+from hierc.grammar.problems import closest
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> tuple[str, ...]:
     """The help line of an unknown name; empty when nothing is close."""
-    close = suggestion(word, names)
+    close = closest(word, names)
     return (f"did you mean `{close}`?",) if close else ()
 
 

@@ -13,9 +13,9 @@ from decimal import Context, Decimal
 from fractions import Fraction
 
 from hierc.compiler.collector import Rejected
-from hierc.compiler.suggest import suggestion
 from hierc.compiler.unit_errors import LiteralOutOfRange, UnknownUnit
 from hierc.grammar import tree
+from hierc.grammar.problems import closest
 from hierc.grammar.source import Span
 
 #: Order of the exponents.
@@ -194,7 +194,7 @@ def _meant(name: str) -> str | None:
     for cut in range(len(name) - 1, 0, -1):
         if named_unit(name[:cut]) and named_unit(name[cut:]):
             return f"{name[:cut]}*{name[cut:]}"
-    return suggestion(name, [*_PREFIXED, *_PLAIN])
+    return closest(name, [*_PREFIXED, *_PLAIN])
 
 
 def literal_in_si(number: tree.Number) -> float:
