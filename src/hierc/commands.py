@@ -10,7 +10,7 @@ import math
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -72,7 +72,7 @@ def run(arguments: Namespace) -> int:
     saves = [] if arguments.output else _saves(loaded.model)
     result = _simulate(loaded.model, arguments)
     ended = time.perf_counter()
-    written = _write(result, arguments, saves)
+    written = _write(result, arguments, saves) if result.t_reached > result.start else []
     if arguments.json:
         sys.stdout.write(json.dumps(summary(result, written), indent=2, allow_nan=False) + "\n")
     if not arguments.quiet:
@@ -117,7 +117,7 @@ def _simulate(model: Model, arguments: Namespace) -> Result:
     stop = settings.get("stop", model.plan.experiment.settings.get("stop"))
     if stop is None:
         raise UsageError(
-            "how long should it run? the model has no experiment with a `stop`, so give --stop SECONDS"
+            "how long should it run? name an experiment that has a `stop`, or give --stop SECONDS"
         )
     start = settings.get("start", model.plan.experiment.settings.get("start", 0.0))
     with Progress(model.plan.name, start, stop, shown=not arguments.quiet) as progress:
@@ -201,14 +201,17 @@ def summary(result: Result, written: list[str]) -> dict[str, Any]:
         "start": result.start,
         "stop": result.stop,
         "reached": result.t_reached,
-        "settings": dict(result.settings),
-        "parameters": dict(result.params),
-        "groups": {name: {k: _plain(v) for k, v in asdict(s).items()} for name, s in result.stats.items()},
+        "settings": _plain(result.settings),
+        "parameters": _plain(result.params),
+        "groups": {name: _plain(asdict(s)) for name, s in result.stats.items()},
         "files": written,
     }
 
 
 def _plain(value: object) -> object:
+    """JSON has no infinities and NaNs: null."""
+    if isinstance(value, Mapping):
+        return {name: _plain(item) for name, item in value.items()}
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -227,5 +230,6 @@ def _report(result: Result, written: list[str], compiling: float, running: float
 def _exit_code(result: Result) -> int:
     if result.status.ok:
         return OK
-    say(f"hierc: stopped at {result.t_reached:g} s: {result.status.message}")
+    kept = f"; results are kept up to {result.t_reached:g} s" if result.t_reached > result.start else ""
+    say(f"hierc: {result.status.message}{kept}")
     return INTERRUPTED if result.status.name == "INTERRUPTED" else NUMERICAL_FAILURE

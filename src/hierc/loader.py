@@ -96,8 +96,8 @@ def prepare(
     store = _Store.open(source, experiment) if cache else None
     found = store.find(params) if store else None
     if found is not None:
-        module, warnings = found
-        return Loaded(_with_values(module.MODEL, params), warnings, compiled=False)
+        with suppress(ValueError):  # a parameter that does not fit: the compiler words it
+            return Loaded(_with_values(found.model, params), found.warnings, compiled=False)
     from hierc.compiler.driver import compile_source
     from hierc.grammar.render import render
 
@@ -110,7 +110,7 @@ def prepare(
 
 def run_module(text: str, name: str) -> ModuleType:
     """Execute the text of a generated module that was made in this process; `name` is the model's, for tracebacks."""
-    shown = f"<compiled {name}>"
+    shown = f"<compiled {name} {_digest(text)[:16]}>"  # the runtime finds each module's text by this name
     module = ModuleType("hierc_model")
     module.__file__ = shown
     linecache.cache[shown] = (len(text), None, text.splitlines(keepends=True), shown)
@@ -126,6 +126,14 @@ def _with_values(model: Model, params: Mapping[str, Value]) -> Model:
 def structural_names(model: Model) -> frozenset[str]:
     """Paths of the parameters that are built into a model's code."""
     return frozenset(p.path for p in model.plan.parameters if p.structural)
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """A cached model and what the compiler warned of."""
+
+    model: Model
+    warnings: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,13 +153,13 @@ class _Store:
         key = [__version__, _compiler_digest(), source.name, source.text, experiment]
         return None if folder is None else cls(folder, _digest(json.dumps(key))[:24])
 
-    def find(self, params: Mapping[str, Value]) -> tuple[ModuleType, tuple[str, ...]] | None:
-        """The module for these parameters with its warnings; None if there is none, or if it does not load."""
+    def find(self, params: Mapping[str, Value]) -> _Found | None:
+        """The model for these parameters; None if there is none, or if it does not load."""
         try:
             structural = json.loads((self.folder / f"{self.family}.json").read_bytes())
             stem = self._member(params, structural)
             warnings = tuple(json.loads((self.folder / f"{stem}.json").read_bytes()))
-            return _import_file(self.folder / f"{stem}.py", "hierc_model"), warnings
+            return _Found(_import_file(self.folder / f"{stem}.py", "hierc_model").MODEL, warnings)
         except Exception:  # whatever is wrong with the files: they are made again
             return None
 
