@@ -1,7 +1,8 @@
 """sin, cos and exp over lanes, in the dialect.
 
 Argument reduction after Cody and Waite, with pi/2 (or log 2) in parts whose products with the quotient are exact; polynomials from fdlibm
-(`k_sin.c`, `k_cos.c`) and the Taylor series. Within 2 ulp of the C library, tested. Arguments too large for the reduction go to the C library.
+(`k_sin.c`, `k_cos.c`) and the Taylor series. Within 2 ulp of the exact value, tested. Where one argument is too large for the reduction, all go to the C
+library.
 """
 
 from __future__ import annotations
@@ -19,38 +20,37 @@ LARGEST_ANGLE = 800000.0
 
 def sin(x: Lanes) -> Lanes:
     """sin(x), lane by lane."""
+    if any_lane(abs(x) > LARGEST_ANGLE):
+        return sin_of_large(x)
     n = (x * TWO_OVER_PI + ROUND) - ROUND
     return quadrant(n, reduced(x, n))
 
 
 def cos(x: Lanes) -> Lanes:
     """cos(x), lane by lane."""
+    if any_lane(abs(x) > LARGEST_ANGLE):
+        return cos_of_large(x)
     n = (x * TWO_OVER_PI + ROUND) - ROUND
     return quadrant(n + 1.0, reduced(x, n))
 
 
 @standalone
+def sin_of_large(x: Lanes) -> Lanes:
+    """sin(x) from the C library."""
+    return each_lane(math.sin, x)
+
+
+@standalone
+def cos_of_large(x: Lanes) -> Lanes:
+    """cos(x) from the C library."""
+    return each_lane(math.cos, x)
+
+
 def reduced(x: Lanes, n: Lanes) -> Lanes:
-    """x - n*pi/2, with pi/2 in three parts of 33 bits. One call serves sin and cos of the same angle."""
-    if any_lane(abs(x) > LARGEST_ANGLE):
-        return each_lane(reduced_large, x, n)
+    """x - n*pi/2, with pi/2 in three parts of 33 bits."""
     r = x - n * 1.57079632673412561417e00
     r = r - n * 6.07710050630396597660e-11
     return r - n * 2.02226624879595063154e-21
-
-
-def reduced_large(x: float, n: float) -> float:
-    """x - n*pi/2 for a large x, from the C library's sine and cosine turned back by n quarters."""
-    m = n - 4.0 * ((n * 0.25 + ROUND) - ROUND)
-    s = math.sin(x)
-    c = math.cos(x)
-    if m > 1.5 or m < -1.5:
-        return math.atan2(-s, -c)
-    if m > 0.5:
-        return math.atan2(-c, s)
-    if m < -0.5:
-        return math.atan2(c, -s)
-    return math.atan2(s, c)
 
 
 def quadrant(n: Lanes, r: Lanes) -> Lanes:

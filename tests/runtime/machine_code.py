@@ -112,9 +112,7 @@ def run_both(
     for first in range(0, samples, lanes):
         rows = np.arange(first, first + lanes) % samples
         out = room(size, lanes)
-        packed = {
-            k: v if k in NARROW else over_lanes(v[rows].reshape(lanes, -1)) for k, v in arrays.items()
-        }
+        packed = {k: v if k in NARROW else over_lanes(v[rows].reshape(lanes, -1)) for k, v in arrays.items()}
         machine(*[out if a == output else packed[a] for a in order])
         found[rows] = out.T
     return expected, found

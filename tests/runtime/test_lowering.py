@@ -65,7 +65,9 @@ def test_functions_of_two_arguments(name: str, lanes: int) -> None:
 def test_powers_with_constant_exponents(exponent: float) -> None:
     """The optimiser knows `pow`: its shortcuts must not cost a bit."""
     x = np.exp(RNG.uniform(-30, 30, 20000))[:, None]
-    text = f"def rhs(t, x, dx):\n    dx[0] = math.pow(x[0], {exponent})\n    dx[1] = math.pow(2.0, x[0]*1e-12)\n"
+    text = (
+        f"def rhs(t, x, dx):\n    dx[0] = math.pow(x[0], {exponent})\n    dx[1] = math.pow(2.0, x[0]*1e-12)\n"
+    )
     expected, found = run_both(text, {"t": np.zeros(len(x)), "x": x}, "dx", 2)
     assert same_bits(found, expected)
 
