@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime.contract import CONTRACT, Plan
+from hierc.runtime.errors import SettingError
 from hierc.runtime.result import Result, SimulationError
 from hierc.runtime.run import Engine
 from hierc.runtime.system import System, parameter_vector
@@ -41,7 +42,7 @@ class Model:
         self.engine = engine or Engine(plan)
 
     def with_parameters(self, params: Mapping[str, object]) -> Model:
-        """The same model with other default parameters, by path. Raises ValueError for one that does not fit."""
+        """The same model with other default parameters, by path. Raises SettingError for one that does not fit."""
         merged = {**self.params, **params}
         parameter_vector(self.plan, merged)
         return Model(self.plan, self.file, merged, self.engine)
@@ -96,7 +97,7 @@ class Model:
         """Integrate from `start` to `stop` (s), each group at its own step.
 
         What is left out is taken from the experiment, then from the defaults (rtol 1e-6, atol = rtol, method "auto"). `params` replaces
-        parameters by path. Raises ValueError for settings that do not fit, and SimulationError, with the partial result, if the run fails
+        parameters by path. Raises SettingError for settings that do not fit, and SimulationError, with the partial result, if the run fails
         or is interrupted.
         """
         given = {
@@ -106,7 +107,7 @@ class Model:
         chosen: dict[str, Any] = {**_SETTINGS, **self.plan.experiment.settings}
         chosen.update({k: v for k, v in given.items() if v is not None})
         if chosen.get("stop") is None:
-            raise ValueError(f"how long should {self.plan.name} run? give stop= in seconds")
+            raise SettingError(f"how long should {self.plan.name} run? give stop= in seconds")
         if atol is None and (rtol is not None or "atol" not in self.plan.experiment.settings):
             chosen["atol"] = chosen["rtol"]
         system = self.system(params) if params else self._own

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hierc.runtime.contract import Plan, Variable
+from hierc.runtime.errors import SettingError
 from hierc.runtime.status import Status
 from hierc.runtime.trajectory import GroupTrajectory
 
@@ -270,16 +271,16 @@ class SimulationError(Exception):
 
 
 def output_times(start: float, stop: float, interval: float | None) -> Floats:
-    """`start`, every `interval` after it, and `stop`; 500 equal parts without an interval. Raises ValueError."""
+    """`start`, every `interval` after it, and `stop`; 500 equal parts without an interval. Raises SettingError."""
     if stop <= start:
         return np.array([start], dtype=np.float64)
     if interval is None:
         return np.linspace(start, stop, PARTS + 1, dtype=np.float64)
-    if not interval > 0:
-        raise ValueError(f"the output interval must be positive, not {interval!r}")
+    if not isinstance(interval, int | float) or not interval > 0:
+        raise SettingError(f"the output interval must be a positive number, not {interval!r}")
     ratio = (stop - start) / interval
     if ratio > MOST_TIMES:
-        raise ValueError(
+        raise SettingError(
             f"an output interval of {interval!r} s gives {ratio:.3g} output times; the most is {MOST_TIMES}"
         )
     whole = round(ratio) if abs(ratio - round(ratio)) < 1e-9 * max(ratio, 1.0) else int(ratio) + 1

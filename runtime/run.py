@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from hierc.runtime import choice
 from hierc.runtime.contract import Plan
+from hierc.runtime.errors import SettingError
 from hierc.runtime.machine.forms import Wiring, wire
 from hierc.runtime.machine.program import Announce, Program, build
 from hierc.runtime.methods.catalogue import METHODS
+from hierc.runtime.result import output_times
 from hierc.runtime.simulation import GroupSettings, Simulation, tighten
 from hierc.runtime.status import Status
 from hierc.runtime.system import System
@@ -101,7 +103,8 @@ class Engine:
         """
         start, stop = _finite("start", settings["start"]), _finite("stop", settings["stop"])
         if not stop > start:
-            raise ValueError(f"stop ({stop:g} s) must be later than start ({start:g} s)")
+            raise SettingError(f"stop ({stop:g} s) must be later than start ({start:g} s)")
+        output_times(start, stop, settings.get("interval"))  # an impossible interval is refused before a long run
         chosen = group_settings(self.plan, self.wiring, settings, groups)
         x = system.initial(start)
         if not np.isfinite(x).all():
@@ -140,7 +143,7 @@ def group_settings(
         rtol, atol = _positive("rtol", merged["rtol"]), _positive("atol", merged["atol"])
         method = merged["method"]
         if method not in METHODS and method != AUTO:
-            raise ValueError(f"unknown method `{method}`; there are {AUTO}, {', '.join(METHODS)}")
+            raise SettingError(f"unknown method `{method}`; there are {AUTO}, {', '.join(METHODS)}")
         max_step = math.inf if merged["max_step"] == math.inf else _positive("max_step", merged["max_step"])
         result.append(GroupSettings(method, rtol * factor, atol * factor, max_step, _finite("min_step", merged["min_step"])))
     return result
@@ -148,14 +151,14 @@ def group_settings(
 
 def _finite(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{name} must be a finite number, not {value!r}")
+        raise SettingError(f"{name} must be a finite number, not {value!r}")
     return float(value)
 
 
 def _positive(name: str, value: object) -> float:
     number = _finite(name, value)
     if not number > 0:
-        raise ValueError(f"{name} must be positive, not {value!r}")
+        raise SettingError(f"{name} must be positive, not {value!r}")
     return number
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime.contract import Class, Parameter, Plan
+from hierc.runtime.errors import SettingError
 
 Floats = NDArray[np.float64]
 _NAN = float("nan")
@@ -226,22 +227,22 @@ def _call(function: Callable[..., None], *args: Any) -> None:
 
 
 def parameter_vector(plan: Plan, given: Mapping[str, object]) -> Floats:
-    """All parameters' scalars: those given by path, the others by their defaults. Raises ValueError naming a wrong one."""
+    """All parameters' scalars: those given by path, the others by their defaults. Raises SettingError naming a wrong one."""
     q = np.full(plan.parameter_count, _NAN)
     by_path = {p.path: p for p in plan.parameters}
     for path, value in given.items():
         if path not in by_path:
-            raise ValueError(_unknown(path, by_path))
+            raise SettingError(_unknown(path, by_path))
         parameter = by_path[path]
         if parameter.structural:
-            raise ValueError(f"`{path}` is built into the code of {plan.name}: give it when the model is loaded")
+            raise SettingError(f"`{path}` is built into the code of {plan.name}: give it when the model is loaded")
         array = _checked(parameter, value)
         q[parameter.first : parameter.first + array.size] = array.ravel()
     values = q.tolist()
     try:
         plan.parameters_function(values)
     except _FAULTS as error:
-        raise ValueError(f"the parameters of {plan.name} cannot be computed: {error}") from None
+        raise SettingError(f"the parameters of {plan.name} cannot be computed: {error}") from None
     return np.asarray(values, np.float64)
 
 
@@ -249,16 +250,16 @@ def _checked(parameter: Parameter, value: object) -> Floats:
     try:
         array = np.asarray(value, np.float64)
     except (TypeError, ValueError):
-        raise ValueError(f"`{parameter.path}` is a number or an array of numbers, not {value!r}") from None
+        raise SettingError(f"`{parameter.path}` is a number or an array of numbers, not {value!r}") from None
     if array.shape != parameter.shape:
         shape = "a number" if not parameter.shape else f"an array of shape {parameter.shape}"
-        raise ValueError(f"`{parameter.path}` is {shape}; got shape {array.shape}")
+        raise SettingError(f"`{parameter.path}` is {shape}; got shape {array.shape}")
     if not np.isfinite(array).all():
-        raise ValueError(f"`{parameter.path}` must be finite, not {value!r}")
+        raise SettingError(f"`{parameter.path}` must be finite, not {value!r}")
     if parameter.kind == "int" and not (array == np.round(array)).all():
-        raise ValueError(f"`{parameter.path}` is an int, not {value!r}")
+        raise SettingError(f"`{parameter.path}` is an int, not {value!r}")
     if parameter.kind == "bool" and not np.isin(array, (0.0, 1.0)).all():
-        raise ValueError(f"`{parameter.path}` is true or false, not {value!r}")
+        raise SettingError(f"`{parameter.path}` is true or false, not {value!r}")
     return array
 
 

@@ -111,6 +111,7 @@ def _is_value(value: object) -> bool:
 
 
 def _simulate(model: Model, arguments: Namespace) -> Result:
+    from hierc.runtime.errors import SettingError
     from hierc.runtime.result import SimulationError
 
     settings = {name: getattr(arguments, name) for name in _SETTINGS if getattr(arguments, name) is not None}
@@ -125,7 +126,7 @@ def _simulate(model: Model, arguments: Namespace) -> Result:
             return model.simulate(**settings, progress=progress, announce=None if arguments.quiet else say)
         except SimulationError as error:
             return error.result
-        except ValueError as error:  # a setting or parameter that does not fit
+        except SettingError as error:
             raise UsageError(str(error)) from error
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, cast
 
+from hierc.runtime.errors import SettingError
 from hierc.runtime.files import cache_folder, write_whole
 from hierc.version import __version__
 
@@ -96,7 +97,7 @@ def prepare(
     store = _Store.open(source, experiment) if cache else None
     found = store.find(params) if store else None
     if found is not None:
-        with suppress(ValueError):  # a parameter that does not fit: the compiler words it
+        with suppress(SettingError):  # a parameter that does not fit: the compiler words it
             return Loaded(_with_values(found.model, params), found.warnings, compiled=False)
     from hierc.compiler.driver import compile_source
     from hierc.grammar.render import render
