@@ -6,8 +6,8 @@ import ast
 from dataclasses import replace
 
 import pytest
-from small_models import ARM
 from machine_code import definition
+from small_models import ARM
 
 from hierc.runtime.machine.allowed import check_class, check_function
 from hierc.runtime.machine.types import UnsupportedCode
