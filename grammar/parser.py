@@ -63,7 +63,8 @@ def _docs(source: SourceFile, comments: Iterable[tree.Comment]) -> dict[int, str
     """Doc text by the offset of what it documents: the run of `///` lines that ends right above."""
     docs: dict[int, str] = {}
     for comment in comments:
-        if not re.match(r"///(?!/)", comment.text):
+        before = source.text[source.text.rfind("\n", 0, comment.span.start) + 1 : comment.span.start]
+        if before.strip() or not re.match(r"///(?!/)", comment.text):
             continue
         above = docs.pop(comment.span.start, None)
         line = comment.text[3:].rstrip().removeprefix(" ")

@@ -24,7 +24,7 @@ from hierc.grammar.problems import Label, Problem
 from hierc.grammar.source import SourceFile, Span
 
 TAB = 4
-WINDOW = 120  # screen columns of the user's text; longer lines are clipped around the main span
+WINDOW = 120  # characters of the user's text; longer lines are clipped around the main span
 ELLIPSIS = "…"
 
 _COLOURS = {"error": "\x1b[1;31m", "warning": "\x1b[1;33m", "secondary": "\x1b[1;34m", "bold": "\x1b[1m"}
@@ -33,7 +33,10 @@ _RESET = "\x1b[0m"
 
 @dataclass(frozen=True, slots=True)
 class _Mark:
-    """One stretch of carets under one line. Screen columns, `start` inclusive, `stop` exclusive, at least one wide."""
+    """One stretch of carets under one line, from column `start` to before `stop`, both counted from 0.
+
+    The columns are characters of the line at first and columns of the screen once `_clip` has placed the mark.
+    """
 
     line: int
     start: int
@@ -146,23 +149,17 @@ def _blocks(problem: Problem) -> list[tuple[Span, list[_Mark]]]:
 
 def _marks(label: Label, main: bool) -> Iterator[_Mark]:
     """One mark, or two for a span of several lines: to the end of its first line, and up to its end."""
-    file, start, stop = label.span.file, label.span.start, max(label.span.start, label.span.stop)
-    first, first_column = file.position(start)
-    last, last_column = file.position(stop)
-    if last > first and last_column == 1:  # ends with a line break
-        last, last_column = last - 1, len(file.line(last - 1)) + 1
-    columns = _screen(file.line(first))[1]
-    begin = columns[min(first_column - 1, len(columns) - 1)]
+    file, start, stop = label.span.file, label.span.start, label.span.stop
+    first, begin = file.position(start)
+    last, end = file.position(stop)
+    if last > first and end == 1:  # ends with a line break
+        last, end = last - 1, len(file.line(last - 1)) + 1
     if first == last:
-        end = columns[min(last_column - 1, len(columns) - 1)]
-        yield _Mark(first, begin, max(end, begin + 1), main, label.text)
+        yield _Mark(first, begin - 1, end - 1, main, label.text)
         return
-    yield _Mark(first, begin, max(columns[-1], begin + 1), main, "")
+    yield _Mark(first, begin - 1, len(file.line(first)), main, "")
     text = file.line(last)
-    columns = _screen(text)[1]
-    indent = len(text) - len(text.lstrip())
-    begin, end = columns[min(indent, last_column - 1)], columns[min(last_column - 1, len(columns) - 1)]
-    yield _Mark(last, begin, max(end, begin + 1), main, label.text)
+    yield _Mark(last, min(len(text) - len(text.lstrip()), end - 1), end - 1, main, label.text)
 
 
 # ---- drawing ------------------------------------------------------------------------------------
@@ -187,26 +184,20 @@ def _draw(file: SourceFile, marks: list[_Mark], width: int, severity: str, color
 
 
 def _clip(line: str, marks: list[_Mark]) -> tuple[str, list[_Mark]]:
-    """The part of a line that fits the window, chosen around the main mark, and the marks moved accordingly."""
-    shown, columns = _screen(line)
-    if columns[-1] <= WINDOW:
-        return shown, marks
+    """What is shown of a line, chosen around the main mark, and the marks in columns of the screen."""
     focus = next((m for m in marks if m.main), marks[0] if marks else None)
     left = 0 if focus is None or focus.stop < WINDOW - 10 else max(0, focus.start - WINDOW // 3)
-    right = left + WINDOW
-    text = ""
-    column = 0
-    for character in shown:
-        if left <= column and column + _width(character) <= right:
-            text += character
-        column += _width(character)
-    before, after = ELLIPSIS if left else "", ELLIPSIS if column > right else ""
-    moved = []
+    if len(line) <= WINDOW:
+        left = 0
+    before, after = ELLIPSIS if left else "", ELLIPSIS if len(line) > left + WINDOW else ""
+    shown, columns = _screen(line[left : left + WINDOW])
+    placed = []
     for m in marks:
-        start = min(max(m.start, left), right - 1) - left + len(before)
-        stop = min(max(m.stop, left), right) - left + len(before)
-        moved.append(_Mark(m.line, start, max(stop, start + 1), m.main, m.text))
-    return f"{before}{text}{after}", moved
+        start, stop = (
+            columns[min(max(c - left, 0), len(columns) - 1)] + len(before) for c in (m.start, m.stop)
+        )
+        placed.append(_Mark(m.line, start, max(stop, start + 1), m.main, m.text))
+    return f"{before}{shown}{after}", placed
 
 
 def _rows(marks: list[_Mark], severity: str, color: bool) -> Iterator[str]:

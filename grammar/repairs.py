@@ -58,9 +58,9 @@ _OTHER_SIGNS = {
 def _unclosed_string(at: Situation) -> Repair | None:
     if at.found.type != JUNK or at.found != '"':
         return None
+    line = at.source.text[at.start :].partition("\n")[0]
     # What closes the statement at the end of the line is most likely not meant to be in the string.
-    line = at.matched(r"[^\n]*?(?=[;,)}\] \t\r]*(?:\n|\Z))")
-    stop = line.end() if line else at.stop
+    stop = at.start + max(1, len(line.rstrip(";,)}] \t\r")))
     insert = ("STRING",) if at.fits("STRING") else None
     return Repair(errors.UnclosedString(Span(at.source, at.start, stop)), insert, stop, sure=True)
 

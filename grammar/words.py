@@ -9,9 +9,6 @@ from hierc.grammar.errors import quoted
 END = "$END"  # lark's name for the end of the text
 JUNK = "JUNK"  # our name for characters that belong to no terminal
 
-#: Words only where a statement may begin or go on; names elsewhere.
-CONTEXT_WORDS = frozenset({"LEVEL", "OFFSET", "TABLE", "RECORD", "SAVE", "HISTORY", "EACH"})
-
 #: Where one of these sets can go on, the phrase stands for all of it. The first that fits is taken.
 _PLACES = (
     ({"LEVEL", "RBRACE"}, "a statement of an agent or `}`"),

@@ -110,17 +110,18 @@ def test_docs_are_the_lines_right_above() -> None:
     source = SourceFile(
         "docs",
         "/// Of the file.\n\n/// First\n///   second\nagent A() {\n  /// of x\n  read real x; /// trailing\n"
-        "  //// ruler\n  read real y;\n  /// of the level\n  level l {\n    /// of p\n    agent p = P(); } }\n"
+        "  read real z;\n  //// ruler\n  read real y;\n  /// of the level\n  level l {\n    /// of p\n    agent p = P(); } }\n"
         "/// of e\nexperiment e of A() { }\n",
     )
     agent, experiment = parse(source).items
     assert isinstance(agent, tree.Agent)
     assert agent.doc == "First\n  second"
-    x, y, level = agent.items
+    x, z, y, level = agent.items
     assert isinstance(x, tree.Decl)
     assert isinstance(y, tree.Decl)
+    assert isinstance(z, tree.Decl)
     assert isinstance(level, tree.Level)
-    assert (x.doc, y.doc, level.doc) == ("of x", "", "of the level")
+    assert (x.doc, z.doc, y.doc, level.doc) == ("of x", "", "", "of the level")
     assert isinstance(part := level.items[0], tree.Instance)
     assert part.doc == "of p"
     assert isinstance(experiment, tree.Experiment)
