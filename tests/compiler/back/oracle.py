@@ -57,15 +57,26 @@ def _mp_copysign(x, y):
 
 
 class MP:
-    """mpmath under the names of `math`."""
+    """mpmath under the names of `math`, for real numbers only."""
 
     copysign = staticmethod(_mp_copysign)
 
     def __getattr__(self, name):
-        return getattr(mpmath.mp, name)
+        function = {"pow": mpmath.power, "log10": lambda x: mpmath.log(x, 10)}.get(name) or getattr(
+            mpmath.mp, name
+        )
 
-    pow = staticmethod(lambda x, y: mpmath.power(x, y))
-    log10 = staticmethod(lambda x: mpmath.log(x, 10))
+        def real(*args):
+            if any(abs(a) > 1e15 for a in args):
+                raise ValueError(
+                    "beyond what differences can resolve"
+                )  # mpmath may need all memory for such powers
+            result = function(*args)
+            if isinstance(result, mpmath.mpc):
+                raise ValueError(f"{name}: not a real number")
+            return result
+
+        return real
 
 
 class Interpreter:

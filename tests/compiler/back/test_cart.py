@@ -43,11 +43,9 @@ def p1(t, z):
     om2 = (np.cos(th2) * wy - np.sin(th2) * wx) / L
     three = z[5:12]
     ahead = (three[0] - np.cos(three[2]), three[1] - np.sin(three[2]), three[2], three[3], three[4])
-    return np.array(
-        [dx1, dy1, v2 * np.cos(th2), v2 * np.sin(th2), om2]
-        + follower((x2, y2, th2, v2, om2), three, 4, 10, 5, 30, 150)
-        + follower(ahead, z[12:], 8, 20, 10, 80, 400)
-    )
+    third = follower((x2, y2, th2, v2, om2), three, 4, 10, 5, 30, 150)
+    fourth = follower(ahead, z[12:], 8, 20, 10, 80, 400)
+    return np.array([dx1, dy1, v2 * np.cos(th2), v2 * np.sin(th2), om2, *third, *fourth])
 
 
 START = np.array(

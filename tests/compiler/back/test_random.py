@@ -7,7 +7,7 @@ import pytest
 from hand import SPAN, TIME, X, apply, choose, single
 from hypothesis import Phase, assume, given, reject, settings
 from hypothesis import strategies as st
-from oracle import MP, Interpreter, System, generate, ulps
+from oracle import MP, Interpreter, System, generate
 
 from hierc.compiler.expression import Number
 from hierc.grammar.problems import ModelError
@@ -110,18 +110,26 @@ def generated(model):
     try:
         return generate(model)
     except ModelError as error:  # a branch never taken may hold a number that is none, say 1/0
-        assert {p.code for p in error.problems} == {"E581"}
-        reject()
+        if {p.code for p in error.problems} == {"E581"}:
+            reject()
+        raise
+
+
+class Rounded(Interpreter):
+    """Powers with one rounding more: how much that changes the result."""
+
+    def apply(self, op, *a):
+        return super().apply(op, *a) * (1 + 4e-16 if op == "pow" else 1)
 
 
 def plainly(model, t, states, q):
-    """The rates as they stand in the text; skips points where they are undefined or where rounding decides."""
+    """The rates as they stand in the text, and what a rounding of powers does to them; None where they are undefined."""
     try:
         values = Interpreter(model, t, states, q).rates(1)
-        near = Interpreter(model, t, [[v * (1 + 4e-16) for v in s] for s in states], q).rates(1)
+        near = Rounded(model, t, states, q).rates(1)
     except (ValueError, ArithmeticError):
         return None
-    if not all(isinstance(v, int | float) and math.isfinite(v) and abs(v) < 1e12 for v in values):
+    if not all(math.isfinite(v) for v in values):
         return None
     return [(v, abs(v - n)) for v, n in zip(values, near, strict=True)]
 
@@ -139,11 +147,12 @@ def test_right_hand_sides(a, b, c, at):
         found = system.rates(t, states, 1)
     except (ValueError, ArithmeticError):
         # A power written as products may divide by an underflowing number; anything else is a fault.
-        assert "'pow'" in str((a, b, c)) or "power" in str((a, b, c))
+        assert "pow" in str((a, b, c))
         return
     for ours, (theirs, wobble) in zip(found, expected, strict=True):
-        # Powers as products differ from `pow` by rounding, which the expression around them may magnify as it does an ulp of a state.
-        assert ulps(ours, theirs) <= 4 or abs(ours - theirs) <= 20 * wobble + 1e-14
+        # Powers are products, so rounded differently than `pow`; everything else is the same to the last bit.
+        assert abs(ours - theirs) <= 20 * wobble + 4 * math.ulp(theirs)
+        assert ours == theirs or "pow" in str((a, b, c))
 
 
 @settings(max_examples=150, deadline=None, derandomize=True, phases=PHASES)
@@ -158,17 +167,18 @@ def test_jacobians(a, at):
     except (ValueError, ArithmeticError):
         found = None
     with mpmath.workdps(60):
-        columns = [(1, k) for k in range(STATES)] + [(0, k) for k in range(INPUTS)]
-        for column, place in enumerate(columns):
-            expected = difference(model, t, states, PARAMETERS, place)
-            assume(expected is not None)
-            assert found is not None
-            ours = found.get((0, column), 0.0)
-            assert ours == pytest.approx(float(expected), rel=1e-6, abs=1e-9)
+        columns = [*((1, k) for k in range(STATES)), *((0, k) for k in range(INPUTS))]
+        expected = [difference(model, t, states, PARAMETERS, place) for place in columns]
+        assume(None not in expected)
+    if found is None and any(f in str(a) for f in ("sqrt", "pow", "asin", "acos")):
+        reject()  # infinite slopes at the end of the domain, where the value may be constant
+    assert found is not None
+    for column, slope in enumerate(expected):
+        assert found.get((0, column), 0.0) == pytest.approx(float(slope), rel=1e-6, abs=1e-9)
 
 
 def difference(model, t, states, q, place):
-    """A central difference of the first rate; None where it is undefined, huge, or not smooth here."""
+    """The slope of the first rate; None where it is undefined, huge, or not smooth here."""
 
     def rate(h):
         moved = [[mpmath.mpf(v) for v in s] for s in states]
@@ -178,13 +188,12 @@ def difference(model, t, states, q, place):
 
     h = mpmath.mpf("1e-15")
     try:
-        far, mid, near = (rate(s * h) - rate(-s * h) for s in (1, mpmath.mpf("0.5"), mpmath.mpf("0.25")))
+        left, here, right = (rate(s * h) for s in (-1, 0, 1))
     except (ValueError, ArithmeticError, TypeError, NotImplementedError):
         return None
-    slopes = [far / (2 * h), mid / h, near / (h / 2)]
+    slopes = [(here - left) / h, (right - here) / h]
     if any(not isinstance(s, mpmath.mpf) or not mpmath.isfinite(s) or abs(s) > 1e8 for s in slopes):
         return None
-    scale = 1 + abs(slopes[0])
-    if max(abs(s - slopes[2]) for s in slopes) > 1e-9 * scale:
-        return None  # a kink or a jump within reach
-    return slopes[2]
+    if abs(slopes[0] - slopes[1]) > 1e-6 * (1 + abs(slopes[0])):
+        return None  # a kink or a jump
+    return (slopes[0] + slopes[1]) / 2
