@@ -88,7 +88,10 @@ class RecoveringParser:
             raise _TooDeep
 
     def _feed(self, token: Token) -> Tree[Token] | None:
-        """Feed a token; one that does not fit leaves the stack as it was, though the parser finds out only after reducing."""
+        """Feed a token. One that does not fit leaves the stack as it was, though the parser finds out only after reducing.
+
+        The entries themselves may have changed by then, but no tree is made of them any more.
+        """
         states, values = list(self._state.state_stack), list(self._state.value_stack)
         try:
             result: Tree[Token] | None = self._state.feed_token(token, is_end=token.type == END)
@@ -136,18 +139,19 @@ class RecoveringParser:
             self._since_repair = ECHO if repair.sure else 0
 
     def _situation(self, found: Token) -> Situation:
-        values = self._state.value_stack
+        possible = self._state.parse_conf.states[
+            self._state.position
+        ]  # rules in lower case, terminals in upper
+        accepts = frozenset(t for t in possible if t.isupper() and self._fits(t))
+        pending = tuple(v for v in self._state.value_stack if isinstance(v, Token))
+        operands, self._operands = self._operands, ()
         return Situation(
             self.source,
             self.tokens,
             found,
-            frozenset(
-                t
-                for t in self._state.parse_conf.states[self._state.position]
-                if t.isupper() and self._fits(t)
-            ),
-            tuple(v for v in values if isinstance(v, Token)),
-            self._operands,
+            accepts,
+            pending,
+            operands,
             self._vocabulary,
             self._fits,
             self._reach,
@@ -191,9 +195,7 @@ class RecoveringParser:
     def _unclosed_comment(self) -> Span | None:
         start = self.tokens[-1].end_pos if self.tokens else 0
         for match in self._comment.finditer(self.source.text, start or 0):
-            if match.group().startswith("/*") and (
-                len(match.group()) < 4 or not match.group().endswith("*/")
-            ):
+            if match.group().startswith("/*") and not match.group()[2:].endswith("*/"):
                 return Span(self.source, match.start(), match.start() + 2)
         return None
 
@@ -202,9 +204,8 @@ class RecoveringParser:
     def _give_up_statement(self, start: int, *, whole_file: bool = False) -> None:
         """Cut the stack back to a place where a statement may begin, and skip to where one may."""
         state = self._state
-        while len(state.state_stack) > 1 and not (
-            self._fits(END) or (not whole_file and self._fits("RBRACE"))
-        ):
+        ends = (END,) if whole_file else (END, "RBRACE")
+        while len(state.state_stack) > 1 and not any(map(self._fits, ends)):
             del state.state_stack[-1], state.value_stack[-1]
         self._go_on_at(self._skip(start))
         self._since_repair = ECHO

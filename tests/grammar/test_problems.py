@@ -140,3 +140,8 @@ def test_a_problem_without_a_place_comes_first() -> None:
     placed = errors.MissingSemicolon(Span(file, 0, 0))
     nowhere = errors.UnreadableFile(None, "f", "because")
     assert in_source_order([placed, nowhere]) == [nowhere, placed]
+
+
+def test_a_comparison_elsewhere_is_not_chained() -> None:
+    found = problems_of("agent A() { inv { 0 < x < 1; } let a < 3; let b = 1; }")
+    assert [p.code for p in found] == ["E116", "E110"]
