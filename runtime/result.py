@@ -276,7 +276,7 @@ def output_times(start: float, stop: float, interval: float | None) -> Floats:
         return np.array([start], dtype=np.float64)
     if interval is None:
         return np.linspace(start, stop, PARTS + 1, dtype=np.float64)
-    if not isinstance(interval, int | float) or not interval > 0:
+    if not interval > 0:
         raise SettingError(f"the output interval must be a positive number, not {interval!r}")
     ratio = (stop - start) / interval
     if ratio > MOST_TIMES:

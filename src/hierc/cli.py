@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hierc.exits import BUG, INTERRUPTED, MODEL_ERROR, USAGE, UsageError
+from hierc.screen import say, show_problems
 from hierc.version import __version__
 
 STAGES = ("ast", "model", "cascade", "symbolic", "plan", "python")
@@ -36,12 +37,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return int(code)
     except KeyboardInterrupt:
-        _say("interrupted")
+        say("hierc: interrupted")
         return INTERRUPTED
     except BrokenPipeError:
         # What is left in the buffer must not be flushed into the closed pipe when Python ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        _say("nobody reads the output any more")
+        say("hierc: nobody reads the output any more")
         return USAGE
     except Exception as error:
         return _failed(error, arguments)
@@ -52,19 +53,17 @@ def _failed(error: Exception, arguments: argparse.Namespace) -> int:
 
     match error:
         case UsageError():
-            _say(f"error: {error}")
+            say(f"hierc: error: {error}")
             return USAGE
         case ModelError():
-            from hierc.screen import show_problems
-
             show_problems(error.problems, as_json=getattr(arguments, "json", False))
             return MODEL_ERROR
         case OSError():
             where = f"`{error.filename}`: " if error.filename else ""
-            _say(f"error: {where}{error.strerror or error}")
+            say(f"hierc: error: {where}{error.strerror or error}")
             return USAGE
         case MemoryError():
-            _say("error: there is not enough memory for this")
+            say("hierc: error: there is not enough memory for this")
             return USAGE
         case _:
             _bug(error)
@@ -77,15 +76,11 @@ def _bug(error: Exception) -> None:
         traceback.print_exception(error, file=sys.stderr)
     frames = traceback.extract_tb(error.__traceback__)
     place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
-    _say(
-        f"internal error: {type(error).__name__}{place}: {' '.join(str(error).split()) or 'no message'}\n"
+    say(
+        f"hierc: internal error: {type(error).__name__}{place}: {' '.join(str(error).split()) or 'no message'}\n"
         f"This is a bug in hierc {__version__}, not in your model. Please report it with the model and this message;\n"
         "HIERC_DEBUG=1 in the environment shows where it happened."
     )
-
-
-def _say(text: str) -> None:
-    print(f"hierc: {text}", file=sys.stderr)  # noqa: T201 - the command line's own voice
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -25,8 +25,8 @@ _PATIENCE = 0.4
 
 
 def say(text: str) -> None:
-    """One line of talk."""
-    print(text, file=sys.stderr)  # noqa: T201
+    """Talk. Names in it may come from a stranger's model: what a terminal would act on is shown by its code."""
+    print("".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text), file=sys.stderr)  # noqa: T201
 
 
 def show_problems(problems: Sequence[Problem], *, as_json: bool) -> None:
@@ -36,7 +36,7 @@ def show_problems(problems: Sequence[Problem], *, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"problems": [to_json(problem) for problem in problems]}, indent=2))  # noqa: T201
         return
-    say("\n\n".join(render(problem, color=has_colors()) for problem in problems))
+    print("\n\n".join(render(p, color=has_colors()) for p in problems), file=sys.stderr)  # noqa: T201 - safe to print
     errors = sum(problem.severity == "error" for problem in problems)
     if errors > 1:
         say(f"\n{errors} errors")

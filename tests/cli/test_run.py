@@ -103,6 +103,17 @@ def _read(terminal: int) -> bytes:
         return b""
 
 
+def test_ctrl_c_before_the_run(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hierc.loader.prepare", interrupted)
+    assert cli.main(["run", "decay.hier"]) == 130
+    assert capsys.readouterr().err == "hierc: interrupted\n"
+
+
 def test_a_reader_that_goes_away(folder: Path) -> None:
     reading, writing = os.pipe()
     os.close(reading)
@@ -145,6 +156,47 @@ def test_a_link_does_not_lead_a_save_outside(folder: Path, capsys: pytest.Captur
     assert cli.main(["run", "m.hier"]) == 2
     assert "outside the current folder" in capsys.readouterr().err
     assert not (folder / "x.csv").exists()
+
+
+def test_what_a_model_names_does_not_act_on_the_terminal(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("m.hier").write_text(DECAY.replace("stop =", 'save "../\x1b[2J.csv"; stop ='))
+    assert cli.main(["run", "m.hier"]) in (1, 2)
+    said = capsys.readouterr().err
+    assert "[2J" in said
+    assert "\x1b" not in said
+
+
+def test_runs_at_the_same_time_share_a_cache(folder: Path) -> None:
+    environment = {**os.environ, "HIERC_CACHE": str(folder / "cache")}
+    command = [sys.executable, "-m", "hierc", "run", "decay.hier", "--quiet", "-o", "-"]
+    runs = [subprocess.Popen(command, stdout=subprocess.PIPE, env=environment) for _ in range(3)]
+    tables = [run.communicate()[0] for run in runs]
+    assert [run.returncode for run in runs] == [0, 0, 0]
+    assert tables[0].startswith(b"time,x\n0.0,1.0\n")
+    assert tables == tables[:1] * 3
+    left = [file.name for file in (folder / "cache").rglob(".*")]
+    assert left == []
+
+
+def test_the_module_depends_on_the_model_alone(folder: Path) -> None:
+    elsewhere = folder / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "decay.hier").write_text(DECAY)
+    settings = [
+        (folder, {"PYTHONHASHSEED": "1", "LC_ALL": "C"}),
+        (elsewhere, {"PYTHONHASHSEED": "2", "LC_ALL": "C.UTF-8"}),
+    ]
+    command = [sys.executable, "-m", "hierc", "compile", "decay.hier"]
+    texts = [
+        subprocess.run(
+            command, cwd=cwd, env={**os.environ, **changed}, capture_output=True, check=True
+        ).stdout
+        for cwd, changed in settings
+    ]
+    assert texts[0] == texts[1]
+    assert b"MODEL" in texts[0]
 
 
 def test_a_bug_of_ours_says_so(
