@@ -23,9 +23,9 @@ CLEARLY = 0.8
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """A method's constants. Accuracy: h = reach * T * tol**(1/order). Stability: h <= radius/|lambda|. Step: ns.
+    """A method's constants. Accuracy: h = reach * T * tol**(1/order). Stability: h <= radius/|lambda|.
 
-    `iterations` counts evaluations of the right-hand side a step; each costs `evaluation` ns a flop and `state` ns a state.
+    A step takes, in ns, base + iterations*(state*n + evaluation*flops) + algebra*(updates + iterations*entries).
     """
 
     order: int
@@ -34,26 +34,33 @@ class Cost:
     base: float
     state: float
     evaluation: float
+    algebra: float
     iterations: float
 
 
 COSTS = {
-    "tsit5": Cost(order=5, reach=3.8, radius=3.0, base=70.0, state=5.0, evaluation=0.25, iterations=6.0),
-    "dop853": Cost(order=8, reach=5.3, radius=6.0, base=130.0, state=7.0, evaluation=0.25, iterations=15.0),
-    "radau5": Cost(order=4, reach=3.2, radius=math.inf, base=60.0, state=14.0, evaluation=0.3, iterations=2.0),
-    "radau9": Cost(order=6, reach=5.8, radius=math.inf, base=90.0, state=15.0, evaluation=0.4, iterations=2.5),
-    "radau13": Cost(order=8, reach=8.2, radius=math.inf, base=100.0, state=18.0, evaluation=0.4, iterations=3.0),
+    "tsit5": Cost(5, 4.9, 3.0, base=118.0, state=1.6, evaluation=0.09, algebra=0.0, iterations=6.0),
+    "dop853": Cost(8, 6.2, 6.0, base=181.0, state=2.1, evaluation=0.09, algebra=0.0, iterations=15.0),
+    "radau5": Cost(4, 4.4, math.inf, base=125.0, state=8.9, evaluation=0.16, algebra=0.92, iterations=1.3),
+    "radau9": Cost(6, 7.1, math.inf, base=248.0, state=8.7, evaluation=0.21, algebra=1.0, iterations=1.8),
+    "radau13": Cost(8, 9.6, math.inf, base=286.0, state=8.7, evaluation=0.2, algebra=1.1, iterations=2.2),
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """What the probe learnt of one group: typical step sizes of the favourite (s), largest |eigenvalue| (1/s), sizes."""
+    """What the probe learnt of one group.
+
+    `step` is a typical step size of the favourite (s), `spectral_radius` the largest |eigenvalue| met (1/s); `updates` and `entries` are those of
+    its sparse factorisation.
+    """
 
     step: float
     spectral_radius: float
     states: int
     flops: int
+    updates: int
+    entries: int
     linear: bool
     tolerance: float
 
@@ -73,7 +80,8 @@ def predicted_cost(name: str, probe: Probe) -> float:
     if probe.spectral_radius > 0.0:
         h = min(h, cost.radius / probe.spectral_radius)
     iterations = 1.0 if probe.linear and math.isinf(cost.radius) else cost.iterations
-    return (cost.base + iterations * (cost.state * probe.states + cost.evaluation * probe.flops)) / h
+    evaluations = iterations * (cost.state * probe.states + cost.evaluation * probe.flops)
+    return (cost.base + evaluations + cost.algebra * (probe.updates + iterations * probe.entries)) / h
 
 
 def spectral_radius(matrices: Sequence[NDArray[np.float64]]) -> float:

@@ -206,13 +206,16 @@ class Simulation:
         for g, (trajectory, wiring) in enumerate(zip(trajectories, self.wiring, strict=True)):
             sizes = np.diff(trajectory.knots)
             own = self._slice_of(g)
+            pieces = self.program.pieces[wiring.form, self.settings[g].method]
             probes.append(
                 choice.Probe(
                     step=float(np.median(sizes[len(sizes) // 2 :])) if len(sizes) else self.stop - self.start,
                     spectral_radius=choice.spectral_radius([j[own, own] for j in jacobians]),
                     states=wiring.form.states,
                     flops=sum(self.plan.classes[c.kind].flops for c in wiring.form.calls if c.part < 0),
-                    linear=bool(self.groups["linear"][g]),
+                    updates=pieces.updates,
+                    entries=pieces.entries,
+                    linear=pieces.linear,
                     tolerance=self.settings[g].rtol,
                 )
             )

@@ -132,6 +132,10 @@ def call(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> Operan
             return math.extract(a, k)
         case "swap_halves", [Value(type=Float(n)) as a]:
             return math.shuffle(a, [*range(n // 2, n), *range(n // 2)])
+        case "lower_twice", [Value(type=Float(n)) as a]:
+            return math.shuffle(a, [*range(n // 2)] * 2)
+        case "upper_twice", [Value(type=Float(n)) as a]:
+            return math.shuffle(a, [*range(n // 2, n)] * 2)
         case "total", [Value(type=Float(n)) as a]:
             while n > 2:
                 n //= 2

@@ -11,12 +11,14 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 from llvmlite import ir
 
 from hierc.runtime.contract import Class
 from hierc.runtime.machine.arithmetic import Arithmetic
+from hierc.runtime.machine.bytable import LARGE, TableCode
 from hierc.runtime.machine.linear import Elimination, LinearCode, eliminate
 from hierc.runtime.machine.split import depends, split
 from hierc.runtime.machine.types import DOUBLE, I64, POINTER, Emitted, Float, Pointer, Type, Value, llvm_type
@@ -141,7 +143,7 @@ class Composer:
 
     # ---- Jacobian -------------------------------------------------------------------------------
 
-    @property
+    @cached_property
     def elimination(self) -> Elimination:
         """Order of elimination for the group's own Jacobian."""
         return eliminate(self.form.states, frozenset(self.pattern))
@@ -226,26 +228,44 @@ class Composer:
 
         jacobian = self._chain(evaluate, math)
         packed = Value(ir.Constant(llvm_type(Float(self.lanes)), list(eigenvalues)), Float(self.lanes))
-        code = LinearCode(self.elimination, self.lanes, builder, body.args["m"].ir)
-        code.factor(body.args["h"], jacobian, packed)
+        memory = body.args["m"]
+        if self.by_table is None:
+            LinearCode(self.elimination, self.lanes, builder, memory.ir).factor(body.args["h"], jacobian, packed)
+        else:
+            self.by_table.fill(math, body.args["h"], jacobian, packed, memory.ir)
+            function, table = self.by_table.factoring()
+            builder.call(function.function, [memory.ir, table.ir, ir.Constant(I64, self.form.states)])
         return body.end()
+
+    @cached_property
+    def by_table(self) -> TableCode | None:
+        """How a large group's linear algebra is done; None for a small one, whose is written out."""
+        large = self.elimination.updates > LARGE
+        return TableCode(self.elimination, self.lanes, self.unit) if large else None
+
+    @property
+    def factor_size(self) -> int:
+        """Doubles that the factors take."""
+        return self.elimination.size(self.lanes) if self.by_table is None else self.by_table.size
 
     def solve(self) -> Emitted:
         """solve(b, factors): packed systems, in place."""
-        body = self._begin("solve", {"b": self.wide, "m": self.narrow})
-        code = LinearCode(self.elimination, self.lanes, body.builder, body.args["m"].ir)
-        code.solve(
-            lambda i: body.load(body.args["b"].ir, i), lambda i, v: body.store(body.args["b"].ir, i, v)
-        )
-        return body.end()
+        return self._solver("solve", self.lanes)
 
     def solve_real(self) -> Emitted:
         """solve_real(b, factors): the real eigenvalue's system, in place."""
-        body = self._begin("solve_real", {"b": self.narrow, "m": self.narrow})
-        code = LinearCode(self.elimination, self.lanes, body.builder, body.args["m"].ir)
-        code.solve_real(
-            lambda i: body.load(body.args["b"].ir, i, 1), lambda i, v: body.store(body.args["b"].ir, i, v, 1)
-        )
+        return self._solver("solve_real", 1)
+
+    def _solver(self, name: str, width: int) -> Emitted:
+        body = self._begin(name, {"b": Pointer(Float(width)), "m": self.narrow})
+        b, memory = body.args["b"].ir, body.args["m"].ir
+        if self.by_table is not None:
+            function, table = self.by_table.solving(real=width == 1)
+            body.builder.call(function.function, [b, memory, table.ir, ir.Constant(I64, self.form.states)])
+            return body.end()
+        code = LinearCode(self.elimination, self.lanes, body.builder, memory)
+        solve = code.solve_real if width == 1 else code.solve
+        solve(lambda i: body.load(b, i, width), lambda i, v: body.store(b, i, v, width))
         return body.end()
 
 

@@ -85,6 +85,18 @@ def swap_halves(v: Lanes) -> Lanes:
     return np.concatenate([v[half:], v[:half]])
 
 
+def lower_twice(v: Lanes) -> Lanes:
+    """The lower half of the lanes, in both halves."""
+    half = len(v) // 2
+    return np.concatenate([v[:half], v[:half]])
+
+
+def upper_twice(v: Lanes) -> Lanes:
+    """The upper half of the lanes, in both halves."""
+    half = len(v) // 2
+    return np.concatenate([v[half:], v[half:]])
+
+
 def total(v: Lanes) -> float:
     """Sum over the lanes, by halves."""
     while len(v) > 1:

@@ -29,6 +29,16 @@ class Elimination:
     complex_entries: tuple[Entry, ...]
     real_entries: tuple[Entry, ...]
 
+    @property
+    def updates(self) -> int:
+        """Multiplications and subtractions of one factorisation."""
+        return sum(len(below) * len(right) for _, below, right in self.steps)
+
+    @property
+    def entries(self) -> int:
+        """Entries that one solve goes through."""
+        return self.n + len(self.complex_entries) + len(self.real_entries)
+
     def size(self, lanes: int) -> int:
         """Doubles that the factors take: inverse pivots and complex entries twice (spread for multiplication), then real ones."""
         return 2 * lanes * (self.n + len(self.complex_entries)) + -(-len(self.real_entries) // lanes) * lanes

@@ -218,22 +218,23 @@ class Lowering:
         if kind != "range":
             raise _refused(node)
         stop = self.math.convert(last, Int())
-        self.locals.store(name, self.math.convert(first, Int()))
+        with self.builder.goto_entry_block():
+            counter = self.builder.alloca(I64)  # its own: the body may assign to the name, as in Python
+        self.builder.store(self.math.convert(first, Int()).ir, counter)
         head, inside, step, after = (
             self.function.append_basic_block(n) for n in ("for", "body", "step", "after")
         )
         self.builder.branch(head)
         self.builder.position_at_end(head)
-        self.builder.cbranch(self.builder.icmp_signed("<", self.locals.load(name).ir, stop.ir), inside, after)
+        current = self.builder.load(counter, typ=I64)
+        self.builder.cbranch(self.builder.icmp_signed("<", current, stop.ir), inside, after)
         self.builder.position_at_end(inside)
+        self.locals.store(name, Value(current, Int()))
         self.loop_body(body, step, after)
         if not self.builder.block.is_terminated:
             self.builder.branch(step)
         self.builder.position_at_end(step)
-        self.locals.store(
-            name,
-            Value(self.builder.add(self.locals.load(name).ir, ir.Constant(I64, 1), flags=("nsw",)), Int()),
-        )
+        self.builder.store(self.builder.add(current, ir.Constant(I64, 1), flags=("nsw",)), counter)
         self.builder.branch(head)
         self.builder.position_at_end(after)
 

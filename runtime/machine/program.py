@@ -31,11 +31,13 @@ Announce = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Pieces:
-    """The compiled pieces of one form under one method: addresses by name, doubles of workspace, whether the Jacobian is constant."""
+    """The compiled pieces of one form under one method: addresses by name, and what `methods.method.Names` tells of them."""
 
     addresses: dict[str, int]
     work: int
     linear: bool
+    updates: int
+    entries: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +71,7 @@ def build(
     pieces = {
         (form, name): Pieces(
             {p.__name__: code.address(f"{label}_{p.__name__}") for p in METHODS[name].pieces},
-            facts["work"],
-            facts["linear"],
+            **facts,
         )
         for (form, name), (label, facts) in labels.items()
     }
@@ -93,10 +94,11 @@ def _form(label: str, classes: tuple[Class, ...], form: Form, method: Method) ->
         check_class(classes[kind])
     unit = Unit(label)
     composer = Composer(unit, label, form, classes, parse_function, method.lanes)
-    names, work, linear = method.names(composer)
+    made = method.names(composer)
     for piece in method.pieces:
-        unit.lower(piece, lanes=method.lanes, constants=names, export=f"{label}_{piece.__name__}")
-    return {"work": work, "linear": linear}, unit
+        unit.lower(piece, lanes=method.lanes, constants=made.names, export=f"{label}_{piece.__name__}")
+    facts = {"work": made.work, "linear": made.linear, "updates": made.updates, "entries": made.entries}
+    return facts, unit
 
 
 def _cached(

@@ -33,7 +33,7 @@ def split(function: ast.FunctionDef, output: str, fixed: Fixed) -> Split:
         if _moves(statement, moving, fixed):
             after.append(statement)
         elif isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Subscript):
-            before.append(_assign(_item("v", saved), statement.value))
+            before.append(_assign(_item("v", saved, ast.Store()), statement.value))
             after.append(_assign(statement.targets[0], _item("v", saved)))
             saved += 1
         else:
@@ -41,7 +41,7 @@ def split(function: ast.FunctionDef, output: str, fixed: Fixed) -> Split:
     needed = _names_read(after)
     prologue: list[ast.stmt] = []
     for name in [n for n in dict.fromkeys(_names_assigned(before)) if n in needed]:
-        before.append(_assign(_item("v", saved), ast.Name(name, ast.Load())))
+        before.append(_assign(_item("v", saved, ast.Store()), ast.Name(name, ast.Load())))
         prologue.append(_assign(ast.Name(name, ast.Store()), _item("v", saved)))
         saved += 1
     arguments = [a.arg for a in function.args.args]
@@ -120,8 +120,8 @@ def _index(node: ast.Subscript) -> int:
     return node.slice.value
 
 
-def _item(array: str, index: int) -> ast.Subscript:
-    return ast.Subscript(ast.Name(array, ast.Load()), ast.Constant(index), ast.Load())
+def _item(array: str, index: int, context: ast.expr_context | None = None) -> ast.Subscript:
+    return ast.Subscript(ast.Name(array, ast.Load()), ast.Constant(index), context or ast.Load())
 
 
 def _assign(target: ast.expr, value: ast.expr) -> ast.Assign:

@@ -19,7 +19,7 @@ from llvmlite import ir
 
 from hierc.runtime.machine import builtins
 from hierc.runtime.machine.lower import Lowering
-from hierc.runtime.machine.types import Type, UnsupportedCode, from_annotation, llvm_type
+from hierc.runtime.machine.types import Emitted, Type, UnsupportedCode, from_annotation, llvm_type
 
 Names = Mapping[str, Any]
 NO_NAMES: Names = {}
@@ -43,6 +43,10 @@ class Unit:
     ) -> ir.Function:
         """Lower an annotated function of the dialect, with `constants` over its globals; `export` makes it callable by that name."""
         return self._dialect(function, lanes, constants or NO_NAMES, export)[0]
+
+    def dialect(self, function: Callable[..., Any], lanes: int, constants: Names) -> Emitted:
+        """A function of the dialect as one that emitted code can call."""
+        return Emitted(*self._dialect(function, lanes, constants))
 
     def _dialect(
         self, function: Callable[..., Any], lanes: int, constants: Names, export: str | None = None

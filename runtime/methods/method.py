@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 from hierc.runtime.machine.compose import Composer
@@ -17,6 +16,8 @@ class Names(NamedTuple):
     names: Mapping[str, Any]
     work: int
     linear: bool
+    updates: int = 0  # of a factorisation, and entries of its factors: what linear algebra costs
+    entries: int = 0
 
 
 class Method(Protocol):
@@ -55,11 +56,3 @@ class Method(Protocol):
     def names(self, composer: Composer) -> Names:
         """What the pieces are lowered with for one form of group."""
 
-
-@dataclass(frozen=True, slots=True)
-class Cost:
-    """A step's cost in nanoseconds, for the choice of a method: base + state*n + per right-hand-side flop."""
-
-    base: float
-    state: float
-    flop: float

@@ -482,5 +482,6 @@ class Radau:
             "solve": composer.solve(),
             "solve_real": composer.solve_real(),
         }
-        work = offsets["FACTORS"] * lanes + composer.elimination.size(lanes)
-        return Names(names, work, composer.linear())
+        elimination = composer.elimination
+        work = offsets["FACTORS"] * lanes + composer.factor_size
+        return Names(names, work, composer.linear(), elimination.updates, elimination.entries)

@@ -1,0 +1,53 @@
+"""The choice of a method follows predicted cost: it is explicit where linear algebra would cost most and nothing is stiff."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import hierc
+from hierc.runtime.choice import COSTS, FAVOURITE, Probe, choose, predicted_cost, spectral_radius
+
+SMALL = Probe(
+    step=1.0, spectral_radius=1.0, states=4, flops=50, updates=20, entries=12, linear=False, tolerance=1e-6
+)
+
+
+def test_small_groups_are_implicit() -> None:
+    assert choose(SMALL) == FAVOURITE
+
+
+def test_large_dense_groups_are_explicit_unless_stiff() -> None:
+    large = replace(SMALL, states=60, flops=4000, updates=70_000, entries=3600)
+    assert choose(large) in {"tsit5", "dop853"}
+    assert choose(replace(large, spectral_radius=1e5)) == FAVOURITE
+
+
+def test_stability_bounds_explicit_steps_only() -> None:
+    stiff = replace(SMALL, spectral_radius=1e6)
+    for name in COSTS:
+        ratio = predicted_cost(name, stiff) / predicted_cost(name, SMALL)
+        assert ratio > 1000 if name in {"tsit5", "dop853"} else ratio == pytest.approx(1.0)
+
+
+def test_spectral_radius() -> None:
+    rotation = np.array([[0.0, 3.0], [-3.0, 0.0]])
+    assert spectral_radius([np.diag([1.0, -7.0]), rotation]) == pytest.approx(7.0)
+    assert spectral_radius([rotation]) == pytest.approx(3.0)
+    wide = np.diag(np.arange(100.0))
+    assert spectral_radius([wide]) >= 99.0
+
+
+def test_a_run_reports_its_choice() -> None:
+    """A dense, slow group of 40 states goes explicit on its own; a stiff one of the same form does not."""
+    text = """agent Crowd(real c = 1) {{
+  write real[40] x = [0.1*i for i in 1..40];
+  let s = sum(x);
+  diff {{ for i in 1..40 {{ x[i]' = 0.02*sin(s*x[i]) {extra}; }} }}
+}}"""
+    loose = hierc.load(text.format(extra="")).simulate(stop=2.0)
+    stiff = hierc.load(text.format(extra="- 1e5*(x[i] - cos(time))")).simulate(stop=2.0)
+    assert {s.method for s in loose.stats.values()} <= {"tsit5", "dop853"}
+    assert {s.method for s in stiff.stats.values()} == {FAVOURITE}
