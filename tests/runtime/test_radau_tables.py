@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import mpmath as mp
 import numpy as np
 import pytest
@@ -28,7 +30,7 @@ def zeros(s: int) -> list[mp.mpf]:
     grid = [mp.mpf(k) / 400 for k in range(400)]
     inside = [
         mp.findroot(value, (a, b), solver="anderson", tol=mp.mpf(10) ** -90)
-        for a, b in zip(grid, grid[1:], strict=False)
+        for a, b in itertools.pairwise(grid)
         if value(a) * value(b) < 0
     ]
     return [*inside, mp.mpf(1)]
@@ -110,7 +112,9 @@ def test_order_conditions(tables: Tables) -> None:
     small = 300 * 2.0**-53
     for k in range(1, 2 * s):
         assert abs(sum(b[j] * c[j] ** (k - 1) for j in range(s)) - mp.mpf(1) / k) < small, f"B({k})"
-    assert abs(sum(b[j] * c[j] ** (2 * s - 1) for j in range(s)) - mp.mpf(1) / (2 * s)) > 1e-9 / 4**s  # B(2s) fails
+    assert (
+        abs(sum(b[j] * c[j] ** (2 * s - 1) for j in range(s)) - mp.mpf(1) / (2 * s)) > 1e-9 / 4**s
+    )  # B(2s) fails
     for k in range(1, s + 1):
         for i in range(s):
             assert abs(sum(a[i, j] * c[j] ** (k - 1) for j in range(s)) - c[i] ** k / k) < small, f"C({k})"
@@ -127,7 +131,9 @@ def test_error_weights(tables: Tables) -> None:
     c = zeros(s)
     a = collocation(c)
     mu = max((v for v in mp.eig(a**-1)[0] if abs(v.imag) < 1e-30), key=lambda v: v.real).real
-    weights = mp.matrix([tables.error]) * a  # what the estimate makes of the derivatives, beside h f at the start
+    weights = (
+        mp.matrix([tables.error]) * a
+    )  # what the estimate makes of the derivatives, beside h f at the start
     for k in range(s):
         moment = sum(weights[j] * c[j] ** k for j in range(s)) + (1 if k == 0 else 0)
         assert abs(moment) <= 60 * 2.0**-53, k  # vanishes for polynomials that both formulas integrate
