@@ -76,7 +76,7 @@ def run(arguments: Namespace) -> int:
     if arguments.json:
         sys.stdout.write(json.dumps(summary(result, written), indent=2, allow_nan=False) + "\n")
     if not arguments.quiet:
-        _report(result, written, compiled - began, ended - compiled)
+        _report(result, written, arguments.output, compiled - began, ended - compiled)
     return _exit_code(result)
 
 
@@ -216,7 +216,7 @@ def _plain(value: object) -> object:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _report(result: Result, written: list[str], compiling: float, running: float) -> None:
+def _report(result: Result, written: list[str], output: str | None, compiling: float, running: float) -> None:
     say(
         f"{result.model}: {result.start:g} to {result.t_reached:g} s, "
         f"simulated in {duration(running)} after {duration(compiling)} of preparation"
@@ -226,6 +226,8 @@ def _report(result: Result, written: list[str], compiling: float, running: float
         say(f"set: {name} = {value}")
     for name in written:
         say(f"written: {name}")
+    if not written and output is None:
+        say("nothing written: -o FILE keeps the results, --plot FILE draws them")
 
 
 def _exit_code(result: Result) -> int:
