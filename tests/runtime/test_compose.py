@@ -1,0 +1,187 @@
+"""A group's functions, composed from its nodes', against the same equations in plain Python and by differences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pytest
+from machine_code import Floats, exported, room
+from small_models import ARM, DECAY, MIXER, OSCILLATOR, At, a_plan
+
+from hierc.runtime.contract import Plan
+from hierc.runtime.machine.compose import Composer
+from hierc.runtime.machine.forms import Wiring, wire
+from hierc.runtime.machine.unit import Unit, parse_function
+from hierc.runtime.methods.radau_tables import RADAU5, RADAU9
+from hierc.runtime.system import System, parameter_vector
+
+RNG = np.random.default_rng(5)
+
+#: osc -> arm1 <-> arm2, through outs and through a node without states; arm3 reads an out of arm2 that itself needs an input.
+NODES = {
+    "osc": At(OSCILLATOR, (), 1),
+    "arm1": At(ARM, ((0, "state", 0), (3, "out", 0)), 2),
+    "mix": At(MIXER, ((1, "out", 0), (0, "state", 1))),
+    "arm2": At(ARM, ((2, "out", 0), (2, "out", 1)), 2),
+    "arm3": At(ARM, ((3, "out", 1), (1, "state", 2)), 2),
+}
+PARAMETERS = {
+    "osc.w": 1.3,
+    "arm1.k": 0.7,
+    "arm1.d": 0.4,
+    "arm2.k": 1.9,
+    "arm2.d": -0.2,
+    "arm3.k": 0.1,
+    "arm3.d": 2.0,
+}
+GROUPINGS: Sequence[Mapping[str, Sequence[str]]] = (
+    {"all": ["osc", "arm1", "arm2", "arm3"]},
+    {"osc": ["osc"], "arms": ["arm1", "arm2", "arm3"]},
+    {"osc": ["osc"], "pair": ["arm1", "arm2"], "last": ["arm3"]},
+    {"front": ["osc", "arm2", "arm1"], "last": ["arm3"]},
+)
+
+
+def cases() -> list[tuple[Plan, int]]:
+    plans = [a_plan(NODES, groups, PARAMETERS) for groups in GROUPINGS]
+    return [(plan, g) for plan in plans for g in range(len(plan.groups))]
+
+
+CASES = pytest.mark.parametrize(
+    ("plan", "g"), cases(), ids=lambda v: v if isinstance(v, int) else "+".join(x.name for x in v.groups)
+)
+
+
+class Group:
+    """One group of a plan as machine code, and what it reads and computes according to `System`."""
+
+    def __init__(self, plan: Plan, g: int, lanes: int) -> None:
+        self.plan, self.g, self.lanes = plan, g, lanes
+        self.system = System(plan, parameter_vector(plan, {}))
+        self.wiring: Wiring = wire(plan)[g]
+        self.n = self.wiring.form.states
+        self.values = np.array([v for node in self.wiring.values for v in self.system.values[node]] or [0.0])
+        first = self.system.offsets[plan.groups[g].nodes[0]]
+        self.own = slice(first, first + self.n)
+
+    def composer(self) -> Composer:
+        return Composer(
+            Unit("group"), "group", self.wiring.form, self.plan.classes, parse_function, self.lanes
+        )
+
+    def inputs(self, t: Floats, x: Floats) -> Floats:
+        """What the group's channels hold, (inputs, lanes), where all states are x (lanes, n)."""
+        wirings = wire(self.plan)
+        into = room(self.wiring.form.inputs, self.lanes)
+        for k, (owner, channel) in enumerate(self.wiring.channels):
+            other = Group(self.plan, owner, self.lanes)
+            if channel < other.n:
+                into[k] = x[:, other.own.start + channel]
+            else:
+                node, out = wirings[owner].published[channel - other.n]
+                into[k] = [self.system._outs(s, row)[1][node][out] for s, row in zip(t, x, strict=True)]
+        return into
+
+    def states(self, x: Floats) -> Floats:
+        into = room(self.n, self.lanes)
+        into[:] = x.T[self.own]
+        return into
+
+
+def some_states(group: Group) -> tuple[Floats, Floats]:
+    return RNG.uniform(0, 5, group.lanes), RNG.normal(0, 1, (group.lanes, group.system.size))
+
+
+@pytest.mark.parametrize("lanes", [1, 8])
+@CASES
+def test_right_hand_side(plan: Plan, g: int, lanes: int) -> None:
+    group = Group(plan, g, lanes)
+    t, x = some_states(group)
+    u, p = group.inputs(t, x), group.values
+    fixed, rest = group.composer(), group.composer()
+    v, dx = room(fixed.saved, lanes), room(group.n, lanes)
+    exported(fixed.unit, fixed.rhs_fixed)(t, u, p, v)
+    exported(rest.unit, rest.rhs)(t, group.states(x), u, p, dx, v)
+    expected = np.array([group.system.rhs(s, row)[group.own] for s, row in zip(t, x, strict=True)]).T
+    if lanes == 1:
+        assert (dx == expected).all()
+    else:
+        # Three outs in a row with sines within 2 ulp each.
+        assert dx == pytest.approx(expected, rel=1e-14, abs=1e-14)
+
+
+@CASES
+def test_published_outs(plan: Plan, g: int) -> None:
+    group = Group(plan, g, 4)
+    wirings = wire(plan)
+    readers = [w for w in wirings if any(owner == g for owner, _ in w.channels)]
+    t, x = some_states(group)
+    composer = group.composer()
+    out = room(len(group.wiring.published), 4)
+    exported(composer.unit, composer.publish())(t, group.states(x), group.inputs(t, x), group.values, out)
+    for k, (node, number) in enumerate(group.wiring.published):
+        wanted = [group.system._outs(s, row)[1][node][number] for s, row in zip(t, x, strict=True)]
+        assert out[k] == pytest.approx(wanted, rel=1e-14, abs=1e-14)
+    read = {c for w in readers for owner, c in w.channels if owner == g and c >= group.n}
+    assert read == set(range(group.n, group.n + len(group.wiring.published)))
+
+
+@pytest.mark.parametrize("tables", [RADAU5, RADAU9], ids=["4 lanes", "8 lanes"])
+@CASES
+def test_newton_matrix(plan: Plan, g: int, tables) -> None:
+    """Solutions with lambda - h J satisfy the equations with J from plain Python, at the lane asked for."""
+    lanes, half, middle = tables.lanes, tables.lanes // 2, 1
+    group = Group(plan, g, lanes)
+    t, x = some_states(group)
+    h = 0.3
+    factor, solve = group.composer(), group.composer()
+    factors = room(factor.factor_size // lanes + 1, lanes)
+    u = group.inputs(np.full(lanes, t[middle]), x)
+    exported(factor.unit, factor.factor(tables.eigenvalues, middle))(
+        t[middle : middle + 1], np.array([h]), group.states(x), u, group.values, factors
+    )
+    b = room(group.n, lanes)
+    b[:] = RNG.normal(size=b.shape)
+    b[:, half] = 0.0
+    right = b.copy()
+    exported(solve.unit, solve.solve())(b, factors)
+    jacobian = group.system.jacobian(t[middle], x[middle])[group.own, group.own]
+    for k in range((tables.stages + 1) // 2):
+        eigenvalue = complex(tables.eigenvalues[k], tables.eigenvalues[half + k])
+        matrix = eigenvalue * np.eye(group.n) - h * jacobian
+        solution = b[:, k] + 1j * b[:, half + k]
+        assert matrix @ solution == pytest.approx(right[:, k] + 1j * right[:, half + k], rel=1e-11, abs=1e-11)
+
+
+@pytest.mark.parametrize("groups", GROUPINGS, ids=lambda g: "+".join(g))
+def test_the_systems_jacobian_against_differences(groups: Mapping[str, Sequence[str]]) -> None:
+    """Six-point differences, error about 1e-12; the block of each group also has its pattern from the form."""
+    plan = a_plan(NODES, groups, PARAMETERS)
+    system = System(plan, parameter_vector(plan, {}))
+    x, t, h = RNG.normal(0, 1, system.size), 0.8, 1e-2
+    found = system.jacobian(t, x)
+    weights = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+    for k in range(system.size):
+        step = np.zeros(system.size)
+        step[k] = h
+        column = (
+            sum(w * (system.rhs(t, x + m * step) - system.rhs(t, x - m * step)) for m, w in weights.items())
+            / h
+        )
+        assert found[:, k] == pytest.approx(column, abs=1e-9)
+    for g in range(len(plan.groups)):
+        group = Group(plan, g, 4)
+        block = found[group.own, group.own]
+        assert set(zip(*np.nonzero(block), strict=True)) <= set(group.composer().pattern)
+
+
+def test_equal_groups_have_one_form() -> None:
+    nodes = {f"d{k}": At(DECAY, (), 1) for k in range(5)}
+    plan = a_plan(nodes, None, {f"d{k}.rate": float(k) for k in range(5)})
+    assert len({w.form for w in wire(plan)}) == 1
+
+
+def test_linear_systems_are_known_to_be_linear() -> None:
+    plan = a_plan(NODES, GROUPINGS[2], PARAMETERS)
+    assert [Group(plan, g, 4).composer().linear() for g in range(3)] == [True, False, False]
