@@ -172,8 +172,8 @@ class Simulation:
 
     @property
     def reached(self) -> float:
-        """The last time up to which all groups are known."""
-        return float(self.groups["t"][: len(self.wiring)].min()) if self.wiring else self.start
+        """The last time up to which all groups are known (all of it where there is nothing to integrate)."""
+        return float(self.groups["t"][: len(self.wiring)].min()) if self.wiring else self.stop
 
     def trajectories(self) -> tuple[GroupTrajectory, ...]:
         """The segments of all groups so far."""
