@@ -18,7 +18,6 @@ from hierc.compiler.instances import Instance
 from hierc.compiler.model import Node, Source
 from hierc.compiler.nodes import LocalNode
 from hierc.grammar import tree
-from hierc.grammar.problems import Problem
 from hierc.grammar.source import Span
 
 
@@ -32,9 +31,14 @@ class Reads:
 
 @dataclass(frozen=True, slots=True)
 class Cascade:
-    """For each node the nodes that its continuous equations use: `direct` as they are written, `reads` only those with states."""
+    """For each node the nodes that its continuous equations use.
+
+    `direct`: as they are written; `computed`: those of which they use definitions or derivatives; `reads`, for nodes with states: those
+    with states.
+    """
 
     direct: tuple[tuple[int, ...], ...]
+    computed: tuple[tuple[int, ...], ...]
     reads: tuple[tuple[Reads, ...], ...]
 
 
@@ -46,12 +50,20 @@ def prove_cascade(
 ) -> Cascade:
     """The dependences of the nodes; reports every read of a later level."""
     for here in nodes:
+        reported: set[str | None] = set()
         for source, span in _continuous(here):
             problem = _broken(instances, flat_nodes[here.node.id], flat_nodes[source.node], source, span)
-            if problem is not None:
+            if problem is not None and (problem.read is None or problem.read not in reported):
+                reported.add(problem.read)  # one for each coupling is enough
                 problems.add(problem)
     direct = tuple(tuple(dict.fromkeys(source.node for source, _ in _continuous(here))) for here in nodes)
-    return Cascade(direct, tuple(tuple(_origins(here, nodes)) for here in nodes))
+    computed = tuple(
+        tuple(dict.fromkeys(source.node for source, _ in _continuous(here) if source.kind != "state"))
+        for here in nodes
+    )
+    return Cascade(
+        direct, computed, tuple(tuple(_origins(here, nodes)) if here.node.states else () for here in nodes)
+    )
 
 
 def _continuous(here: LocalNode) -> list[tuple[Source, Span]]:
@@ -92,7 +104,7 @@ def _behind(node: Node, definition: int) -> list[Source]:
 
 def _broken(
     instances: Sequence[Instance], reader: FlatNode, owner: FlatNode, source: Source, span: Span
-) -> Problem | None:
+) -> BrokenCascade | LaterDerivative | None:
     """The problem if the reader stands in an earlier level of some agent than what it reads."""
     levels = dict(owner.levels)
     for instance, index in reader.levels:
@@ -110,14 +122,15 @@ def _problem(
     owner: tuple[FlatNode, int],
     source: Source,
     span: Span,
-) -> Problem:
+) -> BrokenCascade | LaterDerivative:
     names = list(around.agent.levels)
     reading, owning = _member(instances, around, reader[0]), _member(instances, around, owner[0])
     bind = _binding(instances, reader[0].instance, span)
     if source.kind == "rate" and bind is not None:
         owner_name = owning or names[owner[1]]
-        text = f"{bind.name.text} := {span.text}"
-        return LaterDerivative(span, text=text, level=names[reader[1]], owner=owner_name)
+        return LaterDerivative(
+            span, read=bind.name.text, text=span.text, level=names[reader[1]], owner=owner_name
+        )
     return BrokenCascade(
         span,
         reader=reading,

@@ -54,12 +54,13 @@ class BrokenCascade(Problem):
 class LaterDerivative(Problem):
     code = "E606"
     explanation = "`x'` in a coupling is the right-hand side of `x`, known only where `x` is computed: in an earlier level, or in the same one."
-    text: str  # `goal_rate := plan.p'`
+    read: str  # the read variable of the coupling
+    text: str  # `plan.p'`
     level: str
     owner: str
 
     def title(self) -> str:
-        return f"`{self.text}`: in level `{self.level}`, but `{self.owner}` comes later"
+        return f"`{self.read} := {self.text}`: in level `{self.level}`, but `{self.owner}` comes later"
 
     def notes(self) -> tuple[str, ...]:
         return (LEVELS_NOTE,)

@@ -16,7 +16,6 @@ from hierc.compiler.expression import Apply, Choose, Expr, Number
 from hierc.compiler.name_errors import ModelTooLarge
 from hierc.compiler.operations import Sharing
 from hierc.compiler.shape_errors import NoFiniteValue
-from hierc.compiler.unit_checks import check_declared
 from hierc.compiler.values import Value, number
 from hierc.grammar import tree
 
@@ -61,7 +60,6 @@ def agent_constants(
 def _evaluate(const: tree.Const, env: Environment, found: dict[str, Value], problems: Collector) -> None:
     name = const.name.text
     try:
-        check_declared(const.unit)
         shape = declared_shape(const.type, env)
         value = expected(evaluate(const.value, env), const.type.scalar, shape, f"`{name}`", const.value)
         found[name] = literal(value, f"`{name}`", const.value)

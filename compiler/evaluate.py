@@ -31,7 +31,7 @@ from hierc.compiler.values import Scalar, Shape, Value, fits, joined, number, sc
 from hierc.grammar import tree
 
 #: Scalar operations that all expressions of a model may have before sharing.
-MAX_OPERATIONS = 5_000_000
+MAX_OPERATIONS = 1_000_000
 
 
 class Scope(Protocol):
@@ -44,15 +44,18 @@ class Scope(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """A scope of values by name. A name that is missing had a problem that was reported."""
+    """A scope of values by name. `refused` has names with a problem that is reported where they are used; a name that is missing
+    altogether had one that was reported.
+    """
 
     by_name: Mapping[str, Value]
+    refused: Mapping[str, Rejected] = field(default_factory=dict)
 
     def lookup(self, ref: tree.Ref) -> Value:
         """The value of the name, at the place where it is used."""
         value = self.by_name.get(ref.path.text)
         if value is None:
-            raise Rejected
+            raise self.refused.get(ref.path.text, Rejected())
         return value.at(ref.span)
 
 
@@ -281,13 +284,14 @@ def _inlined(call: tree.Call, func: tree.Func, values: tuple[Value, ...], env: E
     inside = replace(env, scope=Values(env.constants), indices={})
     inside = _bind_sizes(func, values, inside)
     for param, value in zip(func.params, values, strict=True):
-        fit = fits(value.scalar, param.type.scalar) and declared_shape(param.type, inside) == value.shape
+        fit = fits(value.scalar, param.type.scalar) and len(param.type.sizes) == len(value.shape)
+        fit = fit and declared_shape(param.type, inside) == value.shape
         if not fit:
             raise Rejected(WrongArguments(call.span, function=name, wanted=f"({wanted})", given=given))
     for param, value in zip(func.params, values, strict=True):
-        inside = inside.bind(
-            param.name.text, env.sharing.value(value, f"argument {param.name.text} of {name}")
-        )
+        argument = replace(value, scalar=param.type.scalar)
+        named = env.sharing.value(argument, f"argument {param.name.text} of {name}")
+        inside = inside.bind(param.name.text, named)
     result = evaluate(func.body, inside)
     return expected(
         result, func.type.scalar, declared_shape(func.type, inside), f"the value of `{name}`", func.body

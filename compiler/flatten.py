@@ -29,7 +29,6 @@ from hierc.compiler.operations import Sharing, condition
 from hierc.compiler.parameters import Parameters
 from hierc.compiler.storage import Storage, allocate
 from hierc.compiler.terms import cut
-from hierc.compiler.unit_checks import check_declared
 from hierc.compiler.values import Value, element_names, is_leaf, number
 from hierc.grammar import tree
 from hierc.grammar.source import Span
@@ -139,11 +138,19 @@ class _Flattener:
 
         return replace(self._file, scope=_InstanceScope(self, instance), sharing=Sharing(define))
 
+    def placed(self, value: Value, span: Span) -> Value:
+        """A `let` or coupling used at `span`. Variables in it stay where the text names them: that is what a problem points at."""
+        elements = (
+            replace(e, span=span) if isinstance(e, Local) and not self._is_variable(e) else e
+            for e in value.elements
+        )
+        return replace(value, elements=tuple(elements))
+
     def instance(self, index: int) -> Instance:
         """The instance with this id."""
         return self._instances[index]
 
-    def parameters_of(self, instance: Instance) -> ByName:
+    def parameters_of(self, instance: Instance) -> Values:
         """Parameters, constants and `let`s of them."""
         return self._parameters.by_instance[instance.id]
 
@@ -174,7 +181,6 @@ class _Flattener:
         for name in self._names.lets[instance.agent.name]:
             let = instance.agent.lets[name].let
             try:
-                check_declared(let.unit)
                 self._name(instance, name, evaluate(let.value, env), let.name.span)
             except Rejected as rejection:
                 self._problems.rejected(rejection)
@@ -270,7 +276,7 @@ class _Flattener:
         expr = variable.declarator.nominal
         if expr is None:
             return
-        env = replace(self._file, scope=Values(self.parameters_of(instance)))
+        env = replace(self._file, scope=self.parameters_of(instance))
         value = evaluate(expr, env)
         if value.shape != ():
             value = expected(
@@ -360,9 +366,9 @@ class _InstanceScope:
             return self.flattener.storage.value(owner, name, ref.span)
         named = self.flattener.named[owner.id].get(name)
         if named is not None:
-            return named
+            return self.flattener.placed(named, ref.span)
         value = (
-            self.flattener.parameters_of(owner).get(name)
+            self.flattener.parameters_of(owner).by_name.get(name)
             if name not in owner.agent.lets and variable is None
             else None
         )

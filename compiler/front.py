@@ -4,11 +4,11 @@ It only calls the phases one after the other; each states its contract in its ow
 
     declarations  what is declared, by name             parameters   the parameter vector
     names         every name is right                   flatten      scalar equations, couplings substituted
-    equations     one definition each                   loops        nothing needs itself
-    structural    which parameters are built in         nodes        each node in its own indices
-    constants     values of constants                   cascade      no level depends on a later one
-    experiments   which agent runs                      grouping     subsystems and their order
-    instances     the tree of agents
+    unit_checks   every unit is known                   loops        nothing needs itself
+    equations     one definition each                   nodes        each node in its own indices
+    structural    which parameters are built in         cascade      no level depends on a later one
+    constants     values of constants                   grouping     subsystems and their order
+    instances     the tree of agents                    experiments  which agent runs; settings and records
 
 A phase collects all problems it can find; the first phase with errors is the last one to run.
 """
@@ -36,6 +36,7 @@ from hierc.compiler.nodes import make_nodes
 from hierc.compiler.outside import Given, check_given
 from hierc.compiler.parameters import Parameters, make_parameters
 from hierc.compiler.structural import structural_parameters
+from hierc.compiler.unit_checks import check_declared_units
 from hierc.grammar import tree
 from hierc.grammar.problems import ModelError, Problem
 
@@ -51,6 +52,7 @@ def analyse(file: tree.File, *, experiment: str | None = None, overrides: Given 
     library = declare(file, problems)
     problems.stop_on_errors()
     names = check_names(library, problems)
+    check_declared_units(library, problems)
     check_equations(library, problems)
     problems.stop_on_errors()
     choice = choose(library, experiment, problems)
@@ -67,6 +69,7 @@ def check_file(file: tree.File) -> tuple[Problem, ...]:
     library = declare(file, problems)
     problems.stop_on_errors()
     check_names(library, problems)
+    check_declared_units(library, problems)
     check_equations(library, problems)
     problems.stop_on_errors()
     for name in library.experiments or standalone_agents(library):

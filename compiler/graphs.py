@@ -25,10 +25,14 @@ def components(successors: Sequence[Sequence[int]]) -> list[list[int]]:
     return list(parts.values())
 
 
-def order(needs: Sequence[Sequence[int]], priority: Callable[[int], Any]) -> list[int]:
+def order(
+    needs: Sequence[Sequence[int]],
+    priority: Callable[[int], Any],
+    within: Sequence[Sequence[int]] | None = None,
+) -> list[int]:
     """Vertices with each after those it needs and, where that leaves a choice, by `priority`.
 
-    Vertices that need each other stay together, by priority alone.
+    Vertices that need each other stay together: in the order of what they need `within` such a part, then by priority.
     """
     parts = components(needs)
     part_of = {vertex: index for index, part in enumerate(parts) for vertex in part}
@@ -44,9 +48,20 @@ def order(needs: Sequence[Sequence[int]], priority: Callable[[int], Any]) -> lis
     result: list[int] = []
     while ready:
         _, index = heappop(ready)
-        result += sorted(parts[index], key=priority)
+        result += _inside(parts[index], priority, within)
         for user in users[index]:
             missing[user] -= 1
             if missing[user] == 0:
                 heappush(ready, (rank[user], user))
     return result
+
+
+def _inside(
+    part: Sequence[int], priority: Callable[[int], Any], within: Sequence[Sequence[int]] | None
+) -> list[int]:
+    """The order inside a strongly connected part."""
+    if within is None or len(part) == 1:
+        return sorted(part, key=priority)
+    place = {vertex: index for index, vertex in enumerate(part)}
+    needs = [[place[n] for n in within[vertex] if n in place] for vertex in part]
+    return [part[index] for index in order(needs, lambda index: priority(part[index]))]

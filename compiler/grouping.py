@@ -60,7 +60,7 @@ def make_groups(
     problems.stop_on_errors()
     sorted_groups = order([list(e) for e in edges], lambda g: names.index(groups[g]))
     rank: dict[str | None, int] = {groups[g]: place for place, g in enumerate(sorted_groups)}
-    node_order = order(cascade.direct, lambda node: (rank.get(names[node], -1), node))
+    node_order = order(cascade.direct, lambda node: (rank.get(names[node], -1), node), cascade.computed)
     return Grouping(
         tuple(
             NamedGroup(groups[g], tuple(n for n in node_order if names[n] == groups[g]))

@@ -69,11 +69,9 @@ class _Graph:
 
     def loops(self) -> list[tuple[LoopStep, ...]]:
         """One closed path for each set of scalars that need each other."""
-        found: list[tuple[LoopStep, ...]] = []
-        for part in components([[use.used for use in uses] for uses in self._edges]):
-            if len(part) > 1 or any(use.used == part[0] for use in self._edges[part[0]]):
-                found.append(self._steps(self._shortest_cycle(part)))
-        return found
+        parts = components([[use.used for use in uses] for uses in self._edges])
+        cyclic = [p for p in parts if len(p) > 1 or any(use.used == p[0] for use in self._edges[p[0]])]
+        return [self._steps(self._shortest_cycle(part)) for part in cyclic]
 
     def _shortest_cycle(self, part: Sequence[int]) -> list[tuple[int, Span]]:
         """A shortest closed path through the first vertex of a strongly connected part: vertices with the places where they use the next."""

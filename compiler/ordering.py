@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
+from itertools import pairwise
 
 from hierc.compiler.collector import Collector
 from hierc.compiler.declarations import Agent, Library
@@ -17,6 +18,7 @@ from hierc.grammar import tree
 
 
 def references(expr: tree.Expr) -> list[tree.Ref]:
+    """References in an expression, but to index names that it binds itself."""
     return [
         v.node
         for v in visit(expr)
@@ -35,6 +37,7 @@ def ordered(uses: Mapping[str, Iterable[str]]) -> tuple[tuple[str, ...], tuple[s
 
 
 def order_of_consts(consts: Mapping[str, tree.Const], problems: Collector) -> tuple[str, ...]:
+    """Constants, each after those it uses; E208 for one that needs itself."""
     uses = {
         name: [ref.path.text for expr in (const.value, *const.type.sizes) for ref in references(expr)]
         for name, const in consts.items()
@@ -46,11 +49,12 @@ def order_of_consts(consts: Mapping[str, tree.Const], problems: Collector) -> tu
 
 
 def order_of_lets(agent: Agent, problems: Collector) -> tuple[str, ...]:
+    """The `let`s of an agent, each after those it uses; E506 for one that needs itself."""
     found = {name: references(let.let.value) for name, let in agent.lets.items()}
     order, cycle = ordered({name: [ref.path.text for ref in refs] for name, refs in found.items()})
     if cycle:
         steps = []
-        for name, used in zip(cycle, cycle[1:], strict=False):
+        for name, used in pairwise(cycle):
             place = next(ref.span for ref in found[name] if ref.path.text == used)
             steps.append(LoopStep(name, used, place))
         problems.add(AlgebraicLoop(steps[0].span, steps=tuple(steps)))

@@ -18,7 +18,6 @@ from hierc.compiler.evaluate import Budget, Environment, Values, declared_shape,
 from hierc.compiler.instances import Instance
 from hierc.compiler.names import Names
 from hierc.compiler.outside import Given, outside_value
-from hierc.compiler.unit_checks import check_declared
 from hierc.compiler.values import Value, size_of
 from hierc.grammar import tree
 
@@ -32,7 +31,7 @@ class Parameters:
 
     entries: tuple[model.Parameter, ...]
     count: int
-    by_instance: tuple[ByName, ...]
+    by_instance: tuple[Values, ...]
 
 
 def make_parameters(
@@ -75,14 +74,15 @@ class _Builder:
         self._consts: dict[str, ByName] = {}
         self.entries: list[model.Parameter] = []
         self.count = 0
-        self.by_instance: list[ByName] = []
+        self.by_instance: list[Values] = []
 
     def add(self, instance: Instance) -> None:
         """Evaluate the parameters, then the `let`s made of them."""
         own: dict[str, Value] = {}
         consts = self._constants_of(instance)
-        everything = ChainMap(own, dict(consts), dict(self._file.constants))
-        env = replace(self._file, scope=Values(everything))
+        refused: dict[str, Rejected] = {}
+        scope = Values(ChainMap(own, dict(consts), dict(self._file.constants)), refused)
+        env = replace(self._file, scope=scope)
         for name, param in instance.agent.params.items():
             try:
                 own[name] = self._parameter(instance, param, env)
@@ -93,9 +93,9 @@ class _Builder:
                 try:
                     value = evaluate(instance.agent.lets[name].let.value, env)
                     own[name] = replace(value, elements=tuple(measured(e) for e in value.elements))
-                except Rejected:
-                    pass  # the equations use it in their own way, and report it there
-        self.by_instance.append(everything)
+                except Rejected as rejection:
+                    refused[name] = rejection  # equations can share parts of it, and may still use it
+        self.by_instance.append(scope)
 
     def _constants_of(self, instance: Instance) -> ByName:
         agent = instance.agent
@@ -110,7 +110,7 @@ class _Builder:
     def _parameter(self, instance: Instance, param: tree.Param, env: Environment) -> Value:
         name = param.name.text
         path = instance.named(name)
-        unit = check_declared(param.unit)
+        unit = param.unit.text if param.unit else None
         shape = declared_shape(param.type, env)
         structural = name in self._structural[instance.agent.name]
         if structural and path in self._given:
@@ -139,7 +139,7 @@ class _Builder:
         expr, env = self._arguments.get((instance.id, name)), self._file
         if expr is None and instance.instance is not None and instance.parent is not None:
             expr = next((arg.value for arg in instance.instance.args if arg.name.text == name), None)
-            env = replace(self._file, scope=Values(self.by_instance[instance.parent]))
+            env = replace(self._file, scope=self.by_instance[instance.parent])
         if expr is None:
             expr, env = param.default, own
         if expr is None:

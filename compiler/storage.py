@@ -8,13 +8,12 @@ from math import inf
 
 from hierc.compiler.collector import Collector, Rejected
 from hierc.compiler.declarations import Variable
-from hierc.compiler.evaluate import Environment, Values, declared_shape
+from hierc.compiler.evaluate import Environment, declared_shape
 from hierc.compiler.expression import Expr, Local, Number, State
 from hierc.compiler.flat import FlatDefinition, FlatNode
 from hierc.compiler.instances import Instance
 from hierc.compiler.parameters import Parameters
 from hierc.compiler.shape_errors import AnalogNotReal
-from hierc.compiler.unit_checks import check_declared
 from hierc.compiler.values import Shape, Value, element_names
 from hierc.grammar.source import Span
 
@@ -61,7 +60,7 @@ def allocate(
     shapes: list[dict[str, Shape]] = [{} for _ in instances]
     indices: list[dict[str, tuple[int, ...]]] = [{} for _ in instances]
     for instance in instances:
-        env = replace(file, scope=Values(parameters.by_instance[instance.id]))
+        env = replace(file, scope=parameters.by_instance[instance.id])
         for name, variable in instance.agent.variables.items():
             try:
                 shape = _shape(variable, env)
@@ -88,7 +87,6 @@ def _undefined(instance: Instance, name: str, variable: Variable, node: int) -> 
 
 
 def _shape(variable: Variable, env: Environment) -> Shape:
-    check_declared(variable.declarator.unit)
     if variable.decl.type.scalar != "real":
         raise Rejected(AnalogNotReal(variable.span, name=variable.name, type=variable.decl.type.scalar))
     return declared_shape(variable.decl.type, env)

@@ -103,6 +103,12 @@ _PREFIXES: Mapping[str, Fraction] = {
     }.items()
 }  # fmt: skip
 
+#: What units are often called instead.
+_SPELLINGS: Mapping[str, str] = {
+    "sec": "s", "seconds": "s", "hr": "h", "hour": "h", "hours": "h", "kph": "km/h", "degree": "deg", "degrees": "deg",
+    "radian": "rad", "radians": "rad", "metre": "m", "meter": "m", "meters": "m", "degC": "K", "l": "dm^3", "L": "dm^3",
+}  # fmt: skip
+
 _TOKEN = re.compile(r"\s*(?:(?P<number>[+-]?\d+(?:\.\d+)?)|(?P<name>[A-Za-zµμΩ°%]+)|(?P<mark>[*/^()]))")
 
 
@@ -191,10 +197,12 @@ class _Parser:
 
 def _meant(name: str) -> str | None:
     """What an unknown unit may stand for: a product without its `*`, or a name like it."""
+    if name in _SPELLINGS:
+        return _SPELLINGS[name]
     for cut in range(len(name) - 1, 0, -1):
         if named_unit(name[:cut]) and named_unit(name[cut:]):
             return f"{name[:cut]}*{name[cut:]}"
-    return closest(name, [*_PREFIXED, *_PLAIN])
+    return closest(name, [n for n in (*_PREFIXED, *_PLAIN) if len(n) > 1 or n.casefold() == name.casefold()])
 
 
 def literal_in_si(number: tree.Number) -> float:

@@ -42,7 +42,11 @@ def kinds_of_problems() -> Iterator[type[Problem]]:
     for name in (*(f"{module}_errors" for module in MODULES), "unsupported"):
         module = import_module(f"hierc.compiler.{name}")
         for kind in vars(module).values():
-            if isinstance(kind, type) and issubclass(kind, Problem) and kind not in (Problem, unsupported.NotSupported):
+            if (
+                isinstance(kind, type)
+                and issubclass(kind, Problem)
+                and kind not in (Problem, unsupported.NotSupported)
+            ):
                 yield kind
 
 
