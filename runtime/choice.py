@@ -76,7 +76,7 @@ def predicted_cost(name: str, probe: Probe) -> float:
     """Predicted ns of work for a second of simulated time."""
     cost, favourite = COSTS[name], COSTS[FAVOURITE]
     scale = probe.step / (favourite.reach * probe.tolerance ** (1.0 / favourite.order))
-    h = cost.reach * scale * probe.tolerance ** (1.0 / cost.order)
+    h: float = cost.reach * scale * probe.tolerance ** (1.0 / cost.order)
     if probe.spectral_radius > 0.0:
         h = min(h, cost.radius / probe.spectral_radius)
     iterations = 1.0 if probe.linear and math.isinf(cost.radius) else cost.iterations

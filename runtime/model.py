@@ -70,11 +70,15 @@ class Model:
         """Initial values (n,) of all states, SI."""
         return (self.system(params) if params else self._own).initial(start)
 
-    def rhs(self, t: float, x: Sequence[float] | Floats, params: Mapping[str, object] | None = None) -> Floats:
+    def rhs(
+        self, t: float, x: Sequence[float] | Floats, params: Mapping[str, object] | None = None
+    ) -> Floats:
         """Derivatives (n,) of the states x (n,) at time t, SI: for `scipy.integrate.solve_ivp` and its like."""
         return (self.system(params) if params else self._own).rhs(t, x)
 
-    def jacobian(self, t: float, x: Sequence[float] | Floats, params: Mapping[str, object] | None = None) -> Floats:
+    def jacobian(
+        self, t: float, x: Sequence[float] | Floats, params: Mapping[str, object] | None = None
+    ) -> Floats:
         """d rhs/d x, shape (n, n)."""
         return (self.system(params) if params else self._own).jacobian(t, x)
 
@@ -113,7 +117,12 @@ class Model:
         system = self.system(params) if params else self._own
         finished = self.engine.run(system, chosen, self._overrides(given), most_steps, progress, announce)
         shown = {k: v for k, v in chosen.items() if k != "interval" or v is not None}
-        result = Result(finished, interval=chosen.get("interval"), settings=shown, params={**self.params, **(params or {})})
+        result = Result(
+            finished,
+            interval=chosen.get("interval"),
+            settings=shown,
+            params={**self.params, **(params or {})},
+        )
         if not finished.status.ok:
             raise SimulationError(result)
         return result

@@ -53,7 +53,11 @@ class FinishedRun:
         states = np.hstack([g(t) for g in self.groups]) if self.groups else np.zeros((len(t), 0))
         chosen = [variables[p] for p in paths]
         nodes = sorted({n for v in chosen for n, what, _ in v.elements if what == "observed"})
-        observed = [self.system.observe(float(time), x, nodes) for time, x in zip(t, states, strict=True)] if nodes else []
+        observed = (
+            [self.system.observe(float(time), x, nodes) for time, x in zip(t, states, strict=True)]
+            if nodes
+            else []
+        )
         result = {}
         for variable in chosen:
             columns = [
@@ -104,7 +108,9 @@ class Engine:
         start, stop = _finite("start", settings["start"]), _finite("stop", settings["stop"])
         if not stop > start:
             raise SettingError(f"stop ({stop:g} s) must be later than start ({start:g} s)")
-        output_times(start, stop, settings.get("interval"))  # an impossible interval is refused before a long run
+        output_times(
+            start, stop, settings.get("interval")
+        )  # an impossible interval is refused before a long run
         chosen = group_settings(self.plan, self.wiring, settings, groups)
         x = system.initial(start)
         if not np.isfinite(x).all():
@@ -114,7 +120,12 @@ class Engine:
         return FinishedRun(system, start, stop, simulation.reached, status, simulation.trajectories())
 
     def _begin(
-        self, system: System, chosen: list[GroupSettings], start: float, stop: float, announce: Announce | None
+        self,
+        system: System,
+        chosen: list[GroupSettings],
+        start: float,
+        stop: float,
+        announce: Announce | None,
     ) -> Simulation:
         """A run about to begin, its methods chosen. Where the probe's methods stay, the probe is the run's beginning."""
         probing = [replace(s, method=choice.FAVOURITE) if s.method == AUTO else s for s in chosen]
@@ -145,7 +156,11 @@ def group_settings(
         if method not in METHODS and method != AUTO:
             raise SettingError(f"unknown method `{method}`; there are {AUTO}, {', '.join(METHODS)}")
         max_step = math.inf if merged["max_step"] == math.inf else _positive("max_step", merged["max_step"])
-        result.append(GroupSettings(method, rtol * factor, atol * factor, max_step, _finite("min_step", merged["min_step"])))
+        result.append(
+            GroupSettings(
+                method, rtol * factor, atol * factor, max_step, _finite("min_step", merged["min_step"])
+            )
+        )
     return result
 
 

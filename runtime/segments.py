@@ -25,9 +25,7 @@ def covered(g: Group, groups: Array[Group], end: float) -> bool:
     return True
 
 
-def read_inputs(
-    g: Group, groups: Array[Group], t: Lanes, low: float, high: float, u: Array[Lanes]
-) -> int:
+def read_inputs(g: Group, groups: Array[Group], t: Lanes, low: float, high: float, u: Array[Lanes]) -> int:
     """Evaluate all inputs of g at the times t, which lie in [low, high], into u. `low` never decreases between calls.
 
     Returns the most segments of one source that [low, high] touches.
@@ -52,7 +50,9 @@ def read_inputs(
     return most
 
 
-def evaluate(piece: Array[float], degree: int, place: Array[int], count: int, theta: Lanes, into: Array[Lanes]) -> None:
+def evaluate(
+    piece: Array[float], degree: int, place: Array[int], count: int, theta: Lanes, into: Array[Lanes]
+) -> None:
     """Horner's rule for `count` channels."""
     for i in range(count):
         c = at(piece, place[i])
@@ -64,7 +64,9 @@ def evaluate(piece: Array[float], degree: int, place: Array[int], count: int, th
         into[i] = a
 
 
-def blend(piece: Array[float], degree: int, place: Array[int], count: int, t: Lanes, into: Array[Lanes]) -> None:
+def blend(
+    piece: Array[float], degree: int, place: Array[int], count: int, t: Lanes, into: Array[Lanes]
+) -> None:
     """As `evaluate`, but only where t lies beyond the segment's start."""
     theta = (t - piece[0]) * piece[2]
     for i in range(count):

@@ -131,7 +131,9 @@ class Simulation:
         places = [HEADER + channel * widths[g] for g, channel in wiring.channels]
         return sources, np.array(places or [0], np.int64)
 
-    def advance(self, progress: Callable[[float], None] | None = None, most_steps: int | None = None) -> Status:
+    def advance(
+        self, progress: Callable[[float], None] | None = None, most_steps: int | None = None
+    ) -> Status:
         """Go on until the stop, a failure, or Ctrl-C. Returns how it ended."""
         try:
             while True:
@@ -140,7 +142,10 @@ class Simulation:
                     return Status("DONE", f"reached {self.stop:g} s")
                 if outcome == records.FULL:
                     if not self._grow(int(self.run["group"][0])):
-                        return Status("OUT_OF_MEMORY", "the trajectory needs more memory than a run may use; stop earlier or loosen rtol")
+                        return Status(
+                            "OUT_OF_MEMORY",
+                            "the trajectory needs more memory than a run may use; stop earlier or loosen rtol",
+                        )
                 elif outcome != records.PAUSED:
                     return self._failure(outcome)
                 if progress is not None:
@@ -229,7 +234,9 @@ class Simulation:
         state, line, finite = self._culprit(g)
         where = f"group `{self.plan.groups[g].name}`, state `{state}`" + (f" (line {line})" if line else "")
         if outcome == records.NOT_FINITE and not finite:
-            return Status("NOT_FINITE", f"the derivative of `{state}` is not a finite number at t = {t:.9g} s ({where})")
+            return Status(
+                "NOT_FINITE", f"the derivative of `{state}` is not a finite number at t = {t:.9g} s ({where})"
+            )
         return Status(
             "STEP_TOO_SMALL",
             f"at t = {t:.9g} s the step of {where} had to become smaller than {h:.3g} s: "
@@ -240,7 +247,9 @@ class Simulation:
         g = int(self.groups["steps"].argmax())
         name = self.plan.groups[g].name
         t = float(self.groups["t"][g])
-        return Status("TOO_MANY_STEPS", f"group `{name}` took more than {most} steps and is only at t = {t:.6g} s")
+        return Status(
+            "TOO_MANY_STEPS", f"group `{name}` took more than {most} steps and is only at t = {t:.6g} s"
+        )
 
     def _culprit(self, g: int) -> tuple[str, int, bool]:
         """Name and line of the state that failed: one whose derivative is not finite there, else the largest relative derivative."""

@@ -24,7 +24,9 @@ _FAULTS = (ZeroDivisionError, ValueError, OverflowError)
 _NO_DISCRETE: list[float] = []
 
 
-def order_parts(plan: Plan, wanted: Iterable[tuple[int, int]], inside: Callable[[int], bool]) -> list[tuple[int, int]]:
+def order_parts(
+    plan: Plan, wanted: Iterable[tuple[int, int]], inside: Callable[[int], bool]
+) -> list[tuple[int, int]]:
     """Calls (node, part) that make the outs (node, out), in order: whatever a part reads from nodes that are `inside` comes before it."""
     calls: dict[tuple[int, int], None] = {}
     stack = [(node, _part_of(plan, node, out), False) for node, out in reversed(list(wanted))]
@@ -81,7 +83,9 @@ class System:
     @cached_property
     def values(self) -> tuple[list[float], ...]:
         """p of each node: what depends on parameters alone."""
-        return tuple(self._filled(n, self.kind(n).fill, self.kind(n).values) for n in range(len(self.plan.nodes)))
+        return tuple(
+            self._filled(n, self.kind(n).fill, self.kind(n).values) for n in range(len(self.plan.nodes))
+        )
 
     def state_at(self, k: int) -> tuple[str, int]:
         """Path of scalar state k of the state vector, and the line of its equation."""
@@ -184,7 +188,15 @@ class System:
             result[node] = [_NAN] * kind.observed
             if kind.observe is not None:
                 inputs = self._inputs(node, x, outs)
-                _call(kind.observe, t, states.get(node, []), inputs, _NO_DISCRETE, self.values[node], result[node])
+                _call(
+                    kind.observe,
+                    t,
+                    states.get(node, []),
+                    inputs,
+                    _NO_DISCRETE,
+                    self.values[node],
+                    result[node],
+                )
         return result
 
     def _outs(self, t: float, x: Floats) -> tuple[dict[int, list[float]], dict[int, list[float]]]:
@@ -235,7 +247,9 @@ def parameter_vector(plan: Plan, given: Mapping[str, object]) -> Floats:
             raise SettingError(_unknown(path, by_path))
         parameter = by_path[path]
         if parameter.structural:
-            raise SettingError(f"`{path}` is built into the code of {plan.name}: give it when the model is loaded")
+            raise SettingError(
+                f"`{path}` is built into the code of {plan.name}: give it when the model is loaded"
+            )
         array = _checked(parameter, value)
         q[parameter.first : parameter.first + array.size] = array.ravel()
     values = q.tolist()

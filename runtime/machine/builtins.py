@@ -96,7 +96,9 @@ def _libm(low: Lowering, name: str, arity: int) -> ir.Function:
     function = ir.Function(low.function.module, ir.FunctionType(DOUBLE, [DOUBLE] * arity), name)
     attributes = ["nounwind", "willreturn", "memory(none)"]
     if name == "pow":
-        attributes.append("nobuiltin")  # LLVM would make pow(x, 0.5) a root, pow(2, x) an exp2: not the same bits
+        attributes.append(
+            "nobuiltin"
+        )  # LLVM would make pow(x, 0.5) a root, pow(2, x) an exp2: not the same bits
     for attribute in attributes:
         add_attribute(function, attribute)
     return function
@@ -130,6 +132,8 @@ def call(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> Operan
             return math.select(math.compare(">" if name == "max" else "<", b, a), b, a)
         case "lane", [Value() as a, int(k)]:
             return math.extract(a, k)
+        case "splat", [a]:
+            return math.convert(a, Float(low.lanes))
         case "swap_halves", [Value(type=Float(n)) as a]:
             return math.shuffle(a, [*range(n // 2, n), *range(n // 2)])
         case "lower_twice", [Value(type=Float(n)) as a]:

@@ -14,11 +14,22 @@ from llvmlite import ir
 from hierc.runtime.machine.arithmetic import Arithmetic
 from hierc.runtime.machine.dialect import Array, Lanes, lower_twice, swap_halves, upper_twice
 from hierc.runtime.machine.linear import Elimination, Entry
-from hierc.runtime.machine.types import DOUBLE, I64, Emitted, Float, Int, LaneConstant, Pointer, Value, llvm_type
+from hierc.runtime.machine.types import (
+    DOUBLE,
+    I64,
+    Emitted,
+    Float,
+    Int,
+    LaneConstant,
+    Pointer,
+    Value,
+    llvm_type,
+)
 
 if TYPE_CHECKING:
     from hierc.runtime.machine.unit import Unit
 
+    # given by TableCode
     SIGNS: Lanes  # -1 in the lower half of the lanes, 1 in the upper
     LANES: int
 
@@ -114,7 +125,9 @@ class TableCode:
         """Doubles that the factors take."""
         return self.lanes * len(self.places)
 
-    def fill(self, math: Arithmetic, h: Value, jacobian: Mapping[Entry, Value], eigenvalues: Value, memory: Any) -> None:
+    def fill(
+        self, math: Arithmetic, h: Value, jacobian: Mapping[Entry, Value], eigenvalues: Value, memory: Any
+    ) -> None:
         """Store lambda I - h J, fill-in as zeros."""
         half = self.lanes // 2
         kind = Float(self.lanes)
@@ -124,7 +137,9 @@ class TableCode:
         for (i, j), place in self.places.items():
             value = eigenvalues if i == j else zero
             if (i, j) in jacobian:
-                value = math.binary("Add", value, math.binary("Mult", math.binary("Mult", minus_h, jacobian[i, j]), ones))
+                value = math.binary(
+                    "Add", value, math.binary("Mult", math.binary("Mult", minus_h, jacobian[i, j]), ones)
+                )
             where = ir.Constant(I64, place * self.lanes)
             address = math.builder.gep(memory, [where], inbounds=True, source_etype=DOUBLE)
             math.builder.store(value.ir, address, align=8)
@@ -138,7 +153,9 @@ class TableCode:
                 table.append(self.places[i, pivot])
                 for j in right:
                     table += [self.places[pivot, j], self.places[i, j]]
-        return self.unit.dialect(factor_by_table, self.lanes, self.names), self._constant("factor_table", table)
+        return self.unit.dialect(factor_by_table, self.lanes, self.names), self._constant(
+            "factor_table", table
+        )
 
     def solving(self, *, real: bool) -> tuple[Emitted, Value]:
         """The function solve_by_table or solve_real_by_table, and their table."""

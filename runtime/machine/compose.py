@@ -230,7 +230,9 @@ class Composer:
         packed = Value(ir.Constant(llvm_type(Float(self.lanes)), list(eigenvalues)), Float(self.lanes))
         memory = body.args["m"]
         if self.by_table is None:
-            LinearCode(self.elimination, self.lanes, builder, memory.ir).factor(body.args["h"], jacobian, packed)
+            LinearCode(self.elimination, self.lanes, builder, memory.ir).factor(
+                body.args["h"], jacobian, packed
+            )
         else:
             self.by_table.fill(math, body.args["h"], jacobian, packed, memory.ir)
             function, table = self.by_table.factoring()

@@ -79,6 +79,11 @@ def lane(v: Lanes, k: int) -> float:
     return float(v[k])
 
 
+def splat(x: float) -> Lanes:
+    """x in every lane (under CPython: in one)."""
+    return np.full(1, x)
+
+
 def swap_halves(v: Lanes) -> Lanes:
     """The upper half of the lanes below the lower half."""
     half = len(v) // 2

@@ -17,7 +17,7 @@ import numpy as np
 
 from hierc.runtime.control import after_acceptance, after_rejection, propose_end
 from hierc.runtime.machine.compose import Composer
-from hierc.runtime.machine.dialect import Array, at, fma, invoke, outlined, unroll
+from hierc.runtime.machine.dialect import Array, Lanes, at, fma, invoke, lane, outlined, splat, unroll
 from hierc.runtime.methods.method import Names, Piece
 from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_SMALL, WAITING, Group
 from hierc.runtime.segments import HEADER, covered, read_inputs, segment
@@ -94,18 +94,21 @@ if TYPE_CHECKING:  # given by Explicit.names
     FIT_NODES: Row
     FIT: tuple[Row, ...]
 
-    def rhs_fixed(t: float, u: Array[float], p: Array[float], v: Array[float]) -> None: ...
+    TWO_ERRORS: bool
+    SAFETY: float
+
+    def rhs_fixed(t: Lanes, u: Array[Lanes], p: Array[float], v: Array[Lanes]) -> None: ...
     def rhs(
-        t: float, x: Array[float], u: Array[float], p: Array[float], dx: Array[float], v: Array[float]
+        t: Lanes, x: Array[Lanes], u: Array[Lanes], p: Array[float], dx: Array[Lanes], v: Array[Lanes]
     ) -> None: ...
-    def publish(t: float, x: Array[float], u: Array[float], p: Array[float], y: Array[float]) -> None: ...
+    def publish(t: Lanes, x: Array[Lanes], u: Array[Lanes], p: Array[float], y: Array[Lanes]) -> None: ...
 
 
 # ---- pieces -------------------------------------------------------------------------------------
 
 
 @outlined
-def derivative(g: Group, t: float, x: Array[float], u: Array[float], dx: Array[float]) -> None:
+def derivative(g: Group, t: Lanes, x: Array[Lanes], u: Array[Lanes], dx: Array[Lanes]) -> None:
     """The group's right-hand side."""
     rhs_fixed(t, u, g.p, at(g.work, V))
     rhs(t, x, u, g.p, dx, at(g.work, V))
@@ -113,13 +116,16 @@ def derivative(g: Group, t: float, x: Array[float], u: Array[float], dx: Array[f
 
 def initial(g: Group) -> float:
     """First stage of the first step, and the step's size (HNW II.4)."""
-    derivative(g, g.t, g.x, g.u, g.work)
+    y = at(g.work, Y)
+    for i in range(N):
+        y[i] = splat(g.x[i])
+    derivative(g, splat(g.t), y, g.u, g.work)
     size = 0.0
     speed = 0.0
     for i in range(N):
         w = 1.0 / (g.absolute[i] + g.rtol * abs(g.x[i]))
         size += g.x[i] * w * (g.x[i] * w)
-        speed += g.work[i] * w * (g.work[i] * w)
+        speed += lane(g.work[i], 0) * w * (lane(g.work[i], 0) * w)
     size = math.sqrt(size / N)
     speed = math.sqrt(speed / N)
     h = 0.01 * size / speed
@@ -139,16 +145,16 @@ def attempt(g: Group) -> float:
             a = 0.0
             for j in unroll(s + 1):
                 if A[s][j] != 0.0:
-                    a = fma(A[s][j], k[j * N + i], a)
-            y[i] = fma(h, a, g.x[i])
-        derivative(g, g.t + C[s + 1] * h, y, at(g.u, (s + 1) * INPUTS), at(k, (s + 1) * N))
+                    a = fma(A[s][j], lane(k[j * N + i], 0), a)
+            y[i] = splat(fma(h, a, g.x[i]))
+        derivative(g, splat(g.t + C[s + 1] * h), y, at(g.u, (s + 1) * INPUTS), at(k, (s + 1) * N))
     for i in range(N):
         a = 0.0
         for j in unroll(STAGES):
             if B[j] != 0.0:
-                a = fma(B[j], k[j * N + i], a)
-        x[i] = fma(h, a, g.x[i])
-    derivative(g, g.end, x, at(g.u, STAGES * INPUTS), at(k, STAGES * N))
+                a = fma(B[j], lane(k[j * N + i], 0), a)
+        x[i] = splat(fma(h, a, g.x[i]))
+    derivative(g, splat(g.end), x, at(g.u, STAGES * INPUTS), at(k, STAGES * N))
     return error_norm(g)
 
 
@@ -159,17 +165,17 @@ def error_norm(g: Group) -> float:
     main = 0.0
     second = 0.0
     for i in range(N):
-        scale = 1.0 / (g.absolute[i] + g.rtol * max(abs(g.x[i]), abs(x[i])))
+        scale = 1.0 / (g.absolute[i] + g.rtol * max(abs(g.x[i]), abs(lane(x[i], 0))))
         e = 0.0
         for j in unroll(STAGES + 1):
             if ERROR[j] != 0.0:
-                e = fma(ERROR[j], k[j * N + i], e)
+                e = fma(ERROR[j], lane(k[j * N + i], 0), e)
         main += e * scale * (e * scale)
         if TWO_ERRORS:
             e = 0.0
             for j in unroll(STAGES + 1):
                 if SECOND_ERROR[j] != 0.0:
-                    e = fma(SECOND_ERROR[j], k[j * N + i], e)
+                    e = fma(SECOND_ERROR[j], lane(k[j * N + i], 0), e)
             second += e * scale * (e * scale)
     if TWO_ERRORS:
         if main == 0.0 and second == 0.0:
@@ -188,10 +194,14 @@ def accept(g: Group) -> float:
             a = 0.0
             for j in unroll(STAGES + 1 + s):
                 if A[STAGES + s][j] != 0.0:
-                    a = fma(A[STAGES + s][j], k[j * N + i], a)
-            y[i] = fma(h, a, g.x[i])
+                    a = fma(A[STAGES + s][j], lane(k[j * N + i], 0), a)
+            y[i] = splat(fma(h, a, g.x[i]))
         derivative(
-            g, g.t + C[STAGES + 1 + s] * h, y, at(g.u, (STAGES + 1 + s) * INPUTS), at(k, (STAGES + 1 + s) * N)
+            g,
+            splat(g.t + C[STAGES + 1 + s] * h),
+            y,
+            at(g.u, (STAGES + 1 + s) * INPUTS),
+            at(k, (STAGES + 1 + s) * N),
         )
     piece = segment(g, g.count)
     piece[0] = g.t
@@ -205,13 +215,13 @@ def accept(g: Group) -> float:
             a = 0.0
             for j in unroll(LAST_STAGE + 1):
                 if DENSE[q][j] != 0.0:
-                    a = fma(DENSE[q][j], k[j * N + i], a)
+                    a = fma(DENSE[q][j], lane(k[j * N + i], 0), a)
             c[q + 1] = h * a
     if PUBLISHED > 0:
         fit(g, piece)
     x = at(g.work, NEXT)
     for i in range(N):
-        g.x[i] = x[i]
+        g.x[i] = lane(x[i], 0)
         k[i] = k[STAGES * N + i]
     return 0.0
 
@@ -225,21 +235,21 @@ def fit(g: Group, piece: Array[float]) -> None:
             a = c[DEGREE]
             for q in unroll(DEGREE):
                 a = fma(a, FIT_NODES[m], c[DEGREE - 1 - q])
-            y[i] = a
+            y[i] = splat(a)
         u = at(g.u, (LAST_STAGE + 1 + m) * INPUTS)
-        published(g, g.t + FIT_NODES[m] * g.trial, y, u, at(g.work, OUT + m * PUBLISHED))
+        published(g, splat(g.t + FIT_NODES[m] * g.trial), y, u, at(g.work, OUT + m * PUBLISHED))
     out = at(g.work, OUT)
     for r in range(PUBLISHED):
         c = at(piece, HEADER + (N + r) * WIDTH)
         for q in unroll(DEGREE + 1):
             a = 0.0
             for m in unroll(DEGREE + 1):
-                a = fma(FIT[q][m], out[m * PUBLISHED + r], a)
+                a = fma(FIT[q][m], lane(out[m * PUBLISHED + r], 0), a)
             c[q] = a
 
 
 @outlined
-def published(g: Group, t: float, x: Array[float], u: Array[float], out: Array[float]) -> None:
+def published(g: Group, t: Lanes, x: Array[Lanes], u: Array[Lanes], out: Array[Lanes]) -> None:
     """What other groups read beside the states."""
     publish(t, x, u, g.p, out)
 
@@ -254,7 +264,7 @@ def step(g: Group, groups: Array[Group]) -> float:
     if g.h <= 0.0:
         if not covered(g, groups, g.t):
             return WAITING
-        read_inputs(g, groups, g.t, g.t, g.t, g.u)
+        read_inputs(g, groups, splat(g.t), g.t, g.t, g.u)
         g.h = invoke(g.initial, g)
         g.evaluations += 1
     while True:
@@ -265,7 +275,7 @@ def step(g: Group, groups: Array[Group]) -> float:
         segments = 0
         for s in unroll(LAST_STAGE + 1):
             t = g.t + C[s] * g.trial
-            segments = max(segments, read_inputs(g, groups, t, g.t, t, at(g.u, s * g.inputs)))
+            segments = max(segments, read_inputs(g, groups, splat(t), g.t, t, at(g.u, s * g.inputs)))
         if segments > MOST_SEGMENTS:
             g.h = g.trial * (0.9 * MOST_SEGMENTS / segments)
             continue
@@ -275,7 +285,7 @@ def step(g: Group, groups: Array[Group]) -> float:
             if g.published > 0:
                 for m in unroll(DEGREE + 1):
                     t = g.t + FIT_NODES[m] * g.trial
-                    read_inputs(g, groups, t, g.t, t, at(g.u, (LAST_STAGE + 1 + m) * g.inputs))
+                    read_inputs(g, groups, splat(t), g.t, t, at(g.u, (LAST_STAGE + 1 + m) * g.inputs))
             invoke(g.accept, g)
             g.evaluations += LAST_STAGE - STAGES
             after_acceptance(g, error, SAFETY)

@@ -55,4 +55,3 @@ class Method(Protocol):
 
     def names(self, composer: Composer) -> Names:
         """What the pieces are lowered with for one form of group."""
-
