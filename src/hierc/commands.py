@@ -77,7 +77,7 @@ def run(arguments: Namespace) -> int:
         sys.stdout.write(json.dumps(summary(result, written), indent=2, allow_nan=False) + "\n")
     if not arguments.quiet:
         _report(result, written, arguments.output, compiled - began, ended - compiled)
-    return _exit_code(result)
+    return _exit_code(result, written)
 
 
 def parse_params(texts: Iterable[str]) -> dict[str, Any]:
@@ -226,13 +226,13 @@ def _report(result: Result, written: list[str], output: str | None, compiling: f
         say(f"set: {name} = {value}")
     for name in written:
         say(f"written: {name}")
-    if not written and output is None:
+    if not written and output is None and result.status.ok:
         say("nothing written: -o FILE keeps the results, --plot FILE draws them")
 
 
-def _exit_code(result: Result) -> int:
+def _exit_code(result: Result, written: list[str]) -> int:
     if result.status.ok:
         return OK
-    kept = f"; results are kept up to {result.t_reached:g} s" if result.t_reached > result.start else ""
+    kept = f"; what was computed until then is in {' and '.join(written)}" if written else ""
     say(f"hierc: {result.status.message}{kept}")
     return INTERRUPTED if result.status.name == "INTERRUPTED" else NUMERICAL_FAILURE
