@@ -1,0 +1,148 @@
+"""The benchmark problems, each twice: as a `.hier` model and as a right-hand side written by hand, which hierc never sees.
+
+All quantities are SI. The hand-written form gives the reference solution and what a user of scipy would write.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import cos, pi, sin
+from pathlib import Path
+
+_MODELS = Path(__file__).parent / "models"
+
+Vector = Sequence[float]
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One problem, from time 0 to `stop`. `states` names the model's states in the order of `start` and `rhs`."""
+
+    name: str
+    title: str
+    model: Path
+    stop: float
+    states: tuple[str, ...]
+    start: tuple[float, ...]
+    rhs: Callable[[float, Vector], list[float]]
+    reference_steps: int  # of the reference solution, between two output times
+    peer_name: str  # what the peers' scripts call it
+
+
+# ---- cart: a planner, a kinematic unicycle, and two rigid-body carts that chase what is above them ----
+
+
+def cart(t: float, y: Vector) -> list[float]:
+    """Right-hand side (19,) of the cart."""
+    rate_x, rate_y = cos(0.25 * t), cos(0.5 * t)
+    c, s = cos(y[4]), sin(y[4])
+    wx = rate_x + 2.0 * (y[0] - y[2] - 0.3 * c)
+    wy = rate_y + 2.0 * (y[1] - y[3] - 0.3 * s)
+    v, om = c * wx + s * wy, (c * wy - s * wx) / 0.3
+    lead = _tracking(y[5:12], (y[2], y[3], y[4], v, om), (4.0, 10.0, 5.0, 30.0, 150.0))
+    target = (y[5] - cos(y[7]), y[6] - sin(y[7]), y[7], y[8], y[9])
+    return [
+        rate_x,
+        rate_y,
+        v * c,
+        v * s,
+        om,
+        *lead,
+        *_tracking(y[12:19], target, (8.0, 20.0, 10.0, 80.0, 400.0)),
+    ]
+
+
+def _tracking(y: Vector, target: Vector, gains: Vector) -> list[float]:
+    """A cart with wheel torques under Kanayama's tracking law. `target` is x, y, heading, speed, turn rate."""
+    x, yy, th, v, om, right, left = y
+    xr, yr, thr, vr, omr = target
+    kx, ky, kth, kv, kt = gains
+    m, inertia, r, b = 10.0, 1.0, 0.1, 0.25
+    c, s = cos(th), sin(th)
+    ahead, aside, turn = c * (xr - x) + s * (yr - yy), c * (yr - yy) - s * (xr - x), thr - th
+    push = m * kv * (vr * cos(turn) + kx * ahead - v)
+    twist = inertia * kv * (omr + vr * (ky * aside + kth * sin(turn)) - om) / b
+    return [
+        v * c,
+        v * s,
+        om,
+        (right + left) / (m * r) - 0.1 * v,
+        b * (right - left) / (inertia * r) - 0.1 * om,
+        kt * (0.5 * r * (push + twist) - right),
+        kt * (0.5 * r * (push - twist) - left),
+    ]
+
+
+# ---- contact: a slow body presses a tip on a surface with a natural frequency of 1e4 rad/s -------------
+
+
+def contact(t: float, y: Vector) -> list[float]:
+    """Right-hand side (6,) of the contact."""
+    path = 0.2 * sin(pi * t), 0.01 + 0.005 * sin(2 * pi * t)
+    rate = 0.2 * pi * cos(pi * t), 0.01 * pi * cos(2 * pi * t)
+    ax, ay = (400.0 * (path[k] - y[k]) + 40.0 * (rate[k] - y[2 + k]) for k in (0, 1))
+    w0, unit = 1e4, 1e-5
+    press = 1e3 * y[1] * w0 / (1e6 * unit)
+    return [y[2], y[3], ax, ay, w0 * y[5], press - w0 * y[4] * (1.0 + 1.5 * 0.7 * unit * w0 * y[5])]
+
+
+# ---- chain: oscillators, each eight times as fast as the one before ------------------------------------
+
+
+def chain(t: float, y: Vector) -> list[float]:
+    """Right-hand side (8,) of the chain."""
+    result = []
+    for k in range(4):
+        w, q, p = 8.0**k, y[2 * k], y[2 * k + 1]
+        s = y[2 * k - 2] if k else sin(0.5 * t)
+        result += [w * p, w * (s + 0.2 * sin(0.7 * w * t) - q - 0.6 * p)]
+    return result
+
+
+_CART = ("x", "y", "th", "v", "om", "tau[1]", "tau[2]")
+CASES = {
+    case.name: case
+    for case in (
+        Case(
+            name="cart",
+            title="four-level cart, 19 states, 50 s",
+            model=_MODELS.parents[1] / "models" / "cart.hier",
+            stop=50.0,
+            states=(
+                "plan.p[1]",
+                "plan.p[2]",
+                "kin.x",
+                "kin.y",
+                "kin.th",
+                *(f"{agent}.{state}" for agent in ("cart", "tail") for state in _CART),
+            ),
+            start=(0, 0, -0.5, -0.3, 0.4, -0.6, -0.4, 0.3, 0, 0, 0, 0, -1.8, -0.9, 0.2, 0, 0, 0, 0),
+            rhs=cart,
+            reference_steps=100,
+            peer_name="cart",
+        ),
+        Case(
+            name="contact",
+            title="lightly damped contact, 6 states, 2 s",
+            model=_MODELS / "contact.hier",
+            stop=2.0,
+            states=("body.r[1]", "body.r[2]", "body.v[1]", "body.v[2]", "tip.z", "tip.s"),
+            start=(0, 0.012, 0, 0, 0.5, 0),
+            rhs=contact,
+            reference_steps=200,
+            peer_name="contact",
+        ),
+        Case(
+            name="chain",
+            title="chain of four oscillators, each 8 times as fast, 8 states, 20 s",
+            model=_MODELS / "chain.hier",
+            stop=20.0,
+            states=tuple(f"{agent}.{state}" for agent in "abcd" for state in "qp"),
+            start=(1, 0, 1, 0, 1, 0, 1, 0),
+            rhs=chain,
+            reference_steps=100,
+            peer_name="chain_4_8_0",
+        ),
+    )
+}
