@@ -154,7 +154,7 @@ def test_newton_matrix(plan: Plan, g: int, tables) -> None:
         assert matrix @ solution == pytest.approx(right[:, k] + 1j * right[:, half + k], rel=1e-11, abs=1e-11)
 
 
-@pytest.mark.parametrize("groups", GROUPINGS, ids=lambda g: "+".join(g))
+@pytest.mark.parametrize("groups", GROUPINGS, ids="+".join)
 def test_the_systems_jacobian_against_differences(groups: Mapping[str, Sequence[str]]) -> None:
     """Six-point differences, error about 1e-12; the block of each group also has its pattern from the form."""
     plan = a_plan(NODES, groups, PARAMETERS)
