@@ -104,7 +104,7 @@ def errors(finished: FinishedRun, g: int, exact: Callable[[Floats], Floats]) -> 
 
 def observed(steps: Floats, found: Floats) -> float:
     """Slope of log(error) over log(step), as far as the error is not of rounding."""
-    clear = found > ROUNDING
+    clear = np.minimum.accumulate(found > ROUNDING)
     assert clear.sum() >= 3
     return float(np.polyfit(np.log(steps[clear]), np.log(found[clear]), 1)[0])
 
