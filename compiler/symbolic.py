@@ -253,7 +253,7 @@ class _FormBuilder:
         inputs = [self._graph.leaf("input", i) for i in range(len(self._node.inputs))]
         column = {leaf: k for k, leaf in enumerate(states + inputs)}
         rows = [*self._lowered.rates, *outs]
-        gradients = jacobian(self._graph, rows, list(column))
+        gradients = jacobian(self._graph, rows, list(column), self._node.span)
         nonzeros = [
             (row, k, d)
             for row, gradient in enumerate(gradients)

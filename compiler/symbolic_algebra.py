@@ -21,7 +21,9 @@ from hierc.compiler.symbolic_reduce import power
 from hierc.compiler.symbolic_schedule import operations
 
 #: Above so many operations the search for common parts takes seconds and the derivatives stay as they are.
-LARGEST = 20_000
+LARGEST = 4000
+#: Operations in one expression: sympy's own algorithms take time that grows faster than the expressions.
+EXPRESSION = 40
 
 _SUMS = frozenset({"add", "sub", "neg"})
 _ALGEBRA = _SUMS | {"mul", "div"}
@@ -32,9 +34,8 @@ def tidy(graph: Graph, roots: Sequence[int], given: Collection[int]) -> list[int
     inside = sorted(v for v in graph.always(roots) if v not in given and graph.values[v].op in _ALGEBRA)
     if not inside or len(inside) > LARGEST:
         return list(roots)
-    algebra = _Algebra(graph, inside)
     try:
-        tidied = algebra.values([algebra.expression(v) for v in roots])
+        tidied = _Algebra(graph, inside).tidied(roots)
     except OverflowError:  # a count of like terms beyond any float
         return list(roots)
     return (
@@ -51,12 +52,30 @@ class _Algebra:
         self._expressions: dict[int, sympy.Expr] = {}
         self._inside = frozenset(inside)
         self._uses = Counter(a for v in inside for a in graph.values[v].args)
+        self._sizes: dict[int, int] = {}
+        self._cut: dict[
+            int, sympy.Expr
+        ] = {}  # values that are symbols in other expressions, as they were too large
+        self._pending: dict[sympy.Symbol, sympy.Expr] = {}  # what symbols stand for, not yet a value
         for v in inside:
-            self._expressions[v] = self._made(v)
+            self._sizes[v] = 1 + sum(self._sizes.get(a, 0) for a in graph.values[v].args)
+            made = self._made(v)
+            if self._sizes[v] > EXPRESSION:
+                self._cut[v], made, self._sizes[v] = made, sympy.Symbol(f"s{v}"), 0
+            self._expressions[v] = made
+
+    def tidied(self, roots: Sequence[int]) -> list[int]:
+        """The roots' values, like terms collected and common parts computed once."""
+        expressions = [*(self._expression(v) for v in roots), *self._cut.values()]
+        names = sympy.numbered_symbols("c")
+        common, rest = sympy.cse(expressions, symbols=names, order="canonical")
+        self._pending.update(common)
+        self._pending.update(zip((self._expressions[v] for v in self._cut), rest[len(roots) :], strict=True))
+        return [self._value(e) for e in rest[: len(roots)]]
 
     # ---- to sympy --------------------------------------------------------------------
 
-    def expression(self, value: int) -> sympy.Expr:
+    def _expression(self, value: int) -> sympy.Expr:
         """The expression of a value; anything but algebra is a symbol."""
         if value not in self._expressions:
             self._expressions[value] = self._symbol(value)
@@ -75,12 +94,12 @@ class _Algebra:
             case "add" | "sub" | "neg":
                 return sympy.Add(*(self._signed(a, sign) for a, sign in self._terms(value)))
             case "mul":
-                return sympy.Mul(*(self.expression(a) for a in v.args))
+                return sympy.Mul(*(self._expression(a) for a in v.args))
             case _:
-                return sympy.Mul(self.expression(v.args[0]), sympy.Pow(self.expression(v.args[1]), -1))
+                return sympy.Mul(self._expression(v.args[0]), sympy.Pow(self._expression(v.args[1]), -1))
 
     def _signed(self, value: int, sign: int) -> sympy.Expr:
-        return self.expression(value) if sign > 0 else sympy.Mul(sympy.Integer(-1), self.expression(value))
+        return self._expression(value) if sign > 0 else sympy.Mul(sympy.Integer(-1), self._expression(value))
 
     def _terms(self, value: int) -> list[tuple[int, int]]:
         """The terms of a sum, with signs, through sums used nowhere else: a long sum is built once, not once a term."""
@@ -98,16 +117,11 @@ class _Algebra:
 
     # ---- and back ----------------------------------------------------------------------
 
-    def values(self, expressions: Sequence[sympy.Expr]) -> list[int]:
-        """The values of expressions, with common parts computed once."""
-        common, rest = sympy.cse(expressions, symbols=sympy.numbered_symbols("c"), order="canonical")
-        for symbol, expression in common:
-            self._symbols[symbol] = self._value(expression)
-        return [self._value(e) for e in rest]
-
     def _value(self, e: sympy.Expr) -> int:
         graph = self._graph
         if isinstance(e, sympy.Symbol):
+            if e not in self._symbols:
+                self._symbols[e] = self._value(self._pending[e])
             return self._symbols[e]
         if isinstance(e, sympy.Number):
             return graph.number(float(e))

@@ -13,38 +13,56 @@ import heapq
 import math
 from collections.abc import Callable, Collection, Sequence
 
+from hierc.compiler.symbolic_errors import TooLarge
 from hierc.compiler.symbolic_graph import BOOLEAN, Depends, Graph
+from hierc.grammar.problems import ModelError
+from hierc.grammar.source import Span
+
+#: Choices to differentiate in one class; one that stands in several branches counts in each.
+CHOICES = 10_000
 
 #: Derivatives of one value: by which value, and the value of the derivative.
 Gradient = dict[int, int]
 
 
-def jacobian(graph: Graph, rows: Sequence[int], columns: Sequence[int]) -> list[Gradient]:
-    """The nonzero derivatives of each row by the columns (leaves)."""
-    return _gradients(graph, rows, frozenset(columns))
+def jacobian(graph: Graph, rows: Sequence[int], columns: Sequence[int], span: Span) -> list[Gradient]:
+    """The nonzero derivatives of each row by the columns (leaves). `span` is the text to blame when there are too many."""
+    return _Differentiation(graph, span).gradients(rows, frozenset(columns))
 
 
-def _gradients(graph: Graph, rows: Sequence[int], by: Collection[int]) -> list[Gradient]:
-    """Derivatives of rows by the values `by`, which are held as independent."""
-    scope = {v for v in graph.always(rows) if v not in by and graph.depends[v] & Depends.COLUMNS}
-    known = {*by, *scope}
-    into: dict[int, Gradient] = {}
-    for v in scope:
-        into[v] = _choice(graph, v, known) if graph.values[v].op == "choose" else _partials(graph, v)
-    one = graph.number(1.0)
-    for k, row in enumerate(rows):
-        into[-1 - k] = {row: one} if row in known else {}
-    _eliminate(graph, into, scope)
-    return [dict(sorted(into[-1 - k].items())) for k in range(len(rows))]
+class _Differentiation:
+    """Differentiates values of one class."""
 
+    def __init__(self, graph: Graph, span: Span) -> None:
+        self._graph = graph
+        self._span = span
+        self._visited = 0
 
-def _choice(graph: Graph, value: int, known: Collection[int]) -> Gradient:
-    """A choice between two values has the choice between their derivatives, each evaluated in its branch."""
-    condition, then, other = graph.values[value].args
-    yes, no = _gradients(graph, [then], known)[0], _gradients(graph, [other], known)[0]
-    zero = graph.number(0.0)
-    both = {p: graph.choose(condition, yes.get(p, zero), no.get(p, zero)) for p in sorted({*yes, *no})}
-    return {p: d for p, d in both.items() if d != zero}
+    def gradients(self, rows: Sequence[int], by: Collection[int]) -> list[Gradient]:
+        """Derivatives of rows by the values `by`, which are held as independent."""
+        graph = self._graph
+        scope = {v for v in graph.always(rows) if v not in by and graph.depends[v] & Depends.COLUMNS}
+        known = {*by, *scope}
+        into: dict[int, Gradient] = {}
+        for v in sorted(scope):
+            into[v] = self._choice(v, known) if graph.values[v].op == "choose" else _partials(graph, v)
+        one = graph.number(1.0)
+        for k, row in enumerate(rows):
+            into[-1 - k] = {row: one} if row in known else {}
+        _eliminate(graph, into, scope)
+        return [dict(sorted(into[-1 - k].items())) for k in range(len(rows))]
+
+    def _choice(self, value: int, known: Collection[int]) -> Gradient:
+        """A choice between two values has the choice between their derivatives, each evaluated in its branch."""
+        graph = self._graph
+        self._visited += 1
+        if self._visited > CHOICES:
+            raise ModelError([TooLarge(self._span, "differentiation", CHOICES)])
+        condition, then, other = graph.values[value].args
+        yes, no = self.gradients([then], known)[0], self.gradients([other], known)[0]
+        zero = graph.number(0.0)
+        both = {p: graph.choose(condition, yes.get(p, zero), no.get(p, zero)) for p in sorted({*yes, *no})}
+        return {p: d for p, d in both.items() if d != zero}
 
 
 # ---- elimination ------------------------------------------------------------------------
