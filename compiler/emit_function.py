@@ -80,7 +80,12 @@ class FunctionBody:
     def statements(self, program: Program) -> tuple[Statement, ...]:
         """The function's body; empty if it stores nothing."""
         self._count(program.block)
-        loads = [self._load(v) for v in sorted(self._uses) if self._is_entry(v) and self._uses[v] > 1]
+        entries = sorted(
+            (self._values[v].op, self._values[v].index, v)
+            for v, uses in self._uses.items()
+            if uses > 1 and self._is_entry(v)
+        )
+        loads = [self._load(v) for _, _, v in entries]
         body = self._block(program.block)
         stores = [
             Assign(Item(self._output, entry), self._expression(value), self._comments.get(entry, ""))
