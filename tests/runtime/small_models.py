@@ -140,12 +140,12 @@ def a_plan(
         start_passes=1,
         experiment=Experiment(settings=settings or {}),
     )
-    return replace(plan, groups=tuple(_with_calls(plan, g) for g in plan.groups))
-
-
-def _with_calls(plan: Plan, group: Group) -> Group:
-    """The group with its calls: the outs of its own or of stateless nodes that it needs, then its right-hand sides."""
     home = {n for g in plan.groups for n in g.nodes}
+    return replace(plan, groups=tuple(_with_calls(plan, g, home) for g in plan.groups))
+
+
+def _with_calls(plan: Plan, group: Group, home: set[int]) -> Group:
+    """The group with its calls: the outs of its own or of stateless nodes that it needs, then its right-hand sides."""
     own = set(group.nodes)
 
     def inside(node: int) -> bool:

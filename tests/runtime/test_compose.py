@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from machine_code import Floats, exported, room
-from small_models import ARM, DECAY, MIXER, OSCILLATOR, At, a_plan
+from small_models import ARM, DECAY, MIXER, OSCILLATOR, At, a_class, a_plan
 
 from hierc.runtime.contract import Plan
 from hierc.runtime.machine.compose import Composer
@@ -185,3 +186,25 @@ def test_equal_groups_have_one_form() -> None:
 def test_linear_systems_are_known_to_be_linear() -> None:
     plan = a_plan(NODES, GROUPINGS[2], PARAMETERS)
     assert [Group(plan, g, 4).composer().linear() for g in range(3)] == [True, False, False]
+
+
+def test_what_only_a_published_out_reads() -> None:
+    """The middle group's right-hand side needs nothing; its out needs, through a node without states, what the first group publishes."""
+    teller = a_class("Teller", {"x": "1.0"}, {(1, 0): "u[0]", (1, 1): "x[0]"}, inputs=1, outs=[("x[0]*u[0]", (0,))])
+    nodes = {
+        "arm": At(ARM, ((0, "state", 0), (0, "state", 1)), 2),
+        "mix": At(MIXER, ((0, "out", 0), (0, "state", 2))),
+        "teller": At(teller, ((1, "out", 1),)),
+        "reader": At(ARM, ((2, "out", 0), (2, "state", 0)), 2),
+    }
+    plan = a_plan(nodes, None, {"k": 1.0, "d": 2.0, "k2": 3.0, "d2": 4.0})
+    # As a compiler leaves it that sees which inputs a right-hand side does not read.
+    groups = [replace(g, calls=((2, -1),)) if g.name == "teller" else g for g in plan.groups]
+    plan = replace(plan, groups=tuple(groups))
+    assert [w.published for w in wire(plan)] == [((0, 0),), ((2, 0),), ()]
+    group = Group(plan, 1, 4)
+    t, x = some_states(group)
+    composer, out = group.composer(), room(1, 4)
+    exported(composer.unit, composer.publish())(t, group.states(x), group.inputs(t, x), group.values, out)
+    wanted = [group.system._outs(s, row)[1][2][0] for s, row in zip(t, x, strict=True)]
+    assert out[0] == pytest.approx(wanted, rel=1e-14)
