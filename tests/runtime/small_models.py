@@ -186,7 +186,7 @@ PENDULUM = a_class(
     "Pendulum",
     {"angle": "x[1]", "rate": "-math.sin(x[0])"},
     {(0, 1): "1.0", (1, 0): "-math.cos(x[0])"},
-    start=["2.5", "0.0"],
+    start=["2.0", "0.0"],
 )
 VAN_DER_POL = a_class(
     "VanDerPol",

@@ -190,7 +190,9 @@ def test_linear_systems_are_known_to_be_linear() -> None:
 
 def test_what_only_a_published_out_reads() -> None:
     """The middle group's right-hand side needs nothing; its out needs, through a node without states, what the first group publishes."""
-    teller = a_class("Teller", {"x": "1.0"}, {(1, 0): "u[0]", (1, 1): "x[0]"}, inputs=1, outs=[("x[0]*u[0]", (0,))])
+    teller = a_class(
+        "Teller", {"x": "1.0"}, {(1, 0): "u[0]", (1, 1): "x[0]"}, inputs=1, outs=[("x[0]*u[0]", (0,))]
+    )
     nodes = {
         "arm": At(ARM, ((0, "state", 0), (0, "state", 1)), 2),
         "mix": At(MIXER, ((0, "out", 0), (0, "state", 2))),
