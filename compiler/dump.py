@@ -13,7 +13,9 @@ from hierc.grammar.source import SourceFile, Span
 
 def dump_tree(value: object) -> str:
     """Any phase's data, one field a line; spans and files are left out."""
-    return "\n".join(_tree("", value, 0)) + "\n"
+    top = value if isinstance(value, tuple) else (value,)
+    label = "- " if isinstance(value, tuple) else ""
+    return "\n".join(line for item in top for line in _tree(label, item, 0)) + "\n"
 
 
 def _tree(label: str, value: object, depth: int) -> Iterator[str]:
