@@ -9,7 +9,7 @@ every machine.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,17 +46,20 @@ COSTS = {
     "radau13": Cost(8, 9.6, math.inf, base=286.0, state=8.7, evaluation=0.2, algebra=1.1, iterations=2.2),
 }
 
+#: Methods whose steps are bounded by stability.
+EXPLICIT = frozenset(name for name, cost in COSTS.items() if math.isfinite(cost.radius))
+
 
 @dataclass(frozen=True, slots=True)
 class Probe:
     """What the probe learnt of one group.
 
-    `step` is a typical step size of the favourite (s), `spectral_radius` the largest |eigenvalue| met (1/s); `updates` and `entries` are those of
-    its sparse factorisation.
+    `step` is a typical step size of the favourite (s); `spectral_radius()` the largest |eigenvalue| met (1/s), computed only if it can matter;
+    `updates` and `entries` are those of its sparse factorisation.
     """
 
     step: float
-    spectral_radius: float
+    spectral_radius: Callable[[], float]
     states: int
     flops: int
     updates: int
@@ -67,18 +70,25 @@ class Probe:
 
 def choose(probe: Probe) -> str:
     """The method of least predicted cost a second, the favourite unless another is clearly cheaper."""
-    costs = {name: predicted_cost(name, probe) for name in COSTS}
+    radius = 0.0
+    if _cheapest(probe, radius) in EXPLICIT:  # as long as nothing bounds its step
+        radius = probe.spectral_radius()
+    return _cheapest(probe, radius)
+
+
+def _cheapest(probe: Probe, radius: float) -> str:
+    costs = {name: predicted_cost(name, probe, radius) for name in COSTS}
     best = min(costs, key=lambda name: costs[name])
     return best if costs[best] < CLEARLY * costs[FAVOURITE] else FAVOURITE
 
 
-def predicted_cost(name: str, probe: Probe) -> float:
-    """Predicted ns of work for a second of simulated time."""
+def predicted_cost(name: str, probe: Probe, radius: float) -> float:
+    """Predicted ns of work for a second of simulated time; `radius` is the largest |eigenvalue| (1/s)."""
     cost, favourite = COSTS[name], COSTS[FAVOURITE]
     scale = probe.step / (favourite.reach * probe.tolerance ** (1.0 / favourite.order))
     h: float = cost.reach * scale * probe.tolerance ** (1.0 / cost.order)
-    if probe.spectral_radius > 0.0:
-        h = min(h, cost.radius / probe.spectral_radius)
+    if radius > 0.0:
+        h = min(h, cost.radius / radius)
     iterations = 1.0 if probe.linear and math.isinf(cost.radius) else cost.iterations
     evaluations = iterations * (cost.state * probe.states + cost.evaluation * probe.flops)
     return (cost.base + evaluations + cost.algebra * (probe.updates + iterations * probe.entries)) / h

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hierc.runtime import choice
 from hierc.runtime.contract import Plan
 from hierc.runtime.errors import SettingError
+from hierc.runtime.layout import Layout
 from hierc.runtime.machine.forms import Wiring, wire
 from hierc.runtime.machine.program import Announce, Program, build
 from hierc.runtime.methods.catalogue import METHODS
@@ -26,8 +27,8 @@ from hierc.runtime.trajectory import GroupTrajectory
 Floats = NDArray[np.float64]
 #: Tolerances are tightened by the first for each reading edge, to the second at least.
 TIGHTEN = (0.3, 0.03)
-#: Steps of each group from which the probe learns.
-PROBE_STEPS = 24
+#: Step attempts, for each group, from which the probe learns.
+PROBE_ATTEMPTS = 24
 AUTO = "auto"
 
 
@@ -77,11 +78,19 @@ class Engine:
 
     plan: Plan
     programs: dict[tuple[str, ...], Program] = field(default_factory=dict)
+    layouts: dict[tuple[str, ...], Layout] = field(default_factory=dict)
 
     @cached_property
     def wiring(self) -> tuple[Wiring, ...]:
         """How the groups are connected, in cascade order."""
         return wire(self.plan)
+
+    def layout(self, methods: Sequence[str]) -> Layout:
+        """Where the memory lies of runs with these methods."""
+        key = tuple(methods)
+        if key not in self.layouts:
+            self.layouts[key] = Layout(self.plan, self.wiring, key, self.program(key, None))
+        return self.layouts[key]
 
     def program(self, methods: Sequence[str], announce: Announce | None) -> Program:
         """Machine code for these methods, one a group."""
@@ -132,7 +141,7 @@ class Engine:
         probe = Simulation(self, system, probing, start, stop, announce)
         if all(s.method != AUTO for s in chosen):
             return probe
-        probe.advance(most_steps=PROBE_STEPS)
+        probe.attempt(PROBE_ATTEMPTS * len(chosen))
         decided = [
             replace(s, method=choice.choose(learnt)) if s.method == AUTO else s
             for s, learnt in zip(chosen, probe.learn(), strict=True)

@@ -6,6 +6,7 @@ Between calls, each at most a few hundredths of a second, Python sees progress, 
 from __future__ import annotations
 
 import ctypes
+import functools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +17,8 @@ from numpy.typing import NDArray
 
 from hierc.runtime import choice, records
 from hierc.runtime.contract import Plan
-from hierc.runtime.machine.dialect import RecordArray, aligned
+from hierc.runtime.layout import Memory
+from hierc.runtime.machine.dialect import RecordArray
 from hierc.runtime.machine.forms import Wiring
 from hierc.runtime.machine.program import Announce
 from hierc.runtime.methods.catalogue import METHODS
@@ -62,74 +64,37 @@ class Simulation:
         announce: Announce | None = None,
     ) -> None:
         self.system, self.wiring, self.settings = system, engine.wiring, settings
-        self.program = engine.program([s.method for s in settings], announce)
-        wiring = self.wiring
         self.start, self.stop = start, stop
         self.plan: Plan = system.plan
+        methods = [s.method for s in settings]
+        self.program = engine.program(methods, announce)
+        self.layout = engine.layout(methods)
+        self.memory = Memory(self.layout)
+        self.groups = self.memory.groups
         self.initial = system.initial(start)
-        count = len(wiring)
-        self.groups = RecordArray(records.Group, count)
+        self._fill(self.memory.arrays)
+        self.tracks = [np.zeros(_ROOM * int(stride)) for stride in self.layout.strides]
+        self.groups["track"][: len(settings)] = [track.ctypes.data for track in self.tracks]
         self.run = RecordArray(records.Run, 1)
-        self.tracks: list[Floats] = []
-        self._kept: list[object] = []
-        first = 0
-        for g in range(count):
-            n = wiring[g].form.states
-            self._set_up(g, self.initial[first : first + n])
-            first += n
-        self.run["stop"][0], self.run["window"][0], self.run["groups"][0] = stop, start, count
+        self.run["stop"][0], self.run["groups"][0] = stop, len(settings)
         # The first window lets every group take one step; later ones count steps.
         self.run["window"][0] = np.nextafter(start, stop)
         prototype = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
         self._advance: Callable[[int, int], float] = prototype(self.program.advance)
         self._budget = 64
 
-    def _set_up(self, g: int, x: Floats) -> None:
-        wiring, settings = self.wiring[g], self.settings[g]
-        form, method = wiring.form, METHODS[settings.method]
-        pieces = self.program.pieces[form, settings.method]
-        groups = self.groups
-        nodes = self.plan.groups[g].nodes
-        nominal = np.array([w for node in nodes for w in self.system.nominal(node)])
-        values = np.array([v for node in wiring.values for v in self.system.values[node]])
-        channels = form.states + len(form.published)
-        stride = HEADER + channels * method.width
-        sources, places = self._sources(wiring)
-        arrays = {
-            "x": np.concatenate([x, np.zeros_like(x)]),
-            "p": values,
-            "absolute": settings.atol * nominal,
-            "channels": places,
-            "u": aligned(max(form.inputs, 1) * method.input_rows),
-            "work": aligned(max(pieces.work, 1)),
-            "sources": sources.memory,
-        }
-        for name, array in arrays.items():
-            groups[name][g] = array.ctypes.data
-        self._kept.append((arrays, sources))
-        track = np.zeros(_ROOM * stride)
-        self.tracks.append(track)
-        facts: dict[str, float] = {
-            "t": self.start, "stop": self.stop, "max_step": settings.max_step, "min_step": settings.min_step,
-            "rtol": settings.rtol, "contraction": 1.0, "newton_tolerance": method.newton_tolerance, "n": form.states,
-            "inputs": form.inputs, "published": len(form.published),
-            "source_count": len(sources["group"]) if wiring.channels else 0, "capacity": _ROOM, "stride": stride,
-            "width": method.width, "degree": method.degree, "linear": int(pieces.linear), "order": method.error_order,
-            "step": self.program.steps[settings.method], "track": track.ctypes.data, **pieces.addresses,
-        }  # fmt: skip
-        for name, value in facts.items():
-            groups[name][g] = value
-
-    def _sources(self, wiring: Wiring) -> tuple[RecordArray, NDArray[np.int64]]:
-        """Runs of inputs that come from one group, and each input's place in the segments it is read from."""
-        owners = [g for g, _ in wiring.channels]
-        runs = [(g, owners.index(g), owners.count(g)) for g in dict.fromkeys(owners)]
-        sources = RecordArray(records.Source, len(runs))
-        for k, (g, first, count) in enumerate(runs):
-            sources["group"][k], sources["first"][k], sources["count"][k] = g, first, count
-        widths = [METHODS[self.settings[g].method].width for g in range(len(self.settings))]
-        places = [HEADER + channel * widths[g] for g, channel in wiring.channels]
-        return sources, np.array(places or [0], np.int64)
+    def _fill(self, arrays: dict[str, Floats]) -> None:
+        """Put the run's own numbers in their places."""
+        layout, groups, count = self.layout, self.groups, len(self.settings)
+        arrays["x"][layout.states] = self.initial
+        arrays["p"][layout.values] = [v for node in layout.value_nodes for v in self.system.values[node]]
+        nominal = np.array([w for node in self.system.order for w in self.system.nominal(node)])
+        atol = np.array([s.atol for s in self.settings])
+        arrays["absolute"][layout.scales] = atol[layout.group_of_state] * nominal
+        groups["t"][:], groups["stop"][:], groups["capacity"][:] = self.start, self.stop, _ROOM
+        groups["rtol"][:count] = [s.rtol for s in self.settings]
+        groups["max_step"][:count] = [s.max_step for s in self.settings]
+        groups["min_step"][:count] = [s.min_step for s in self.settings]
 
     def advance(
         self, progress: Callable[[float], None] | None = None, most_steps: int | None = None
@@ -155,11 +120,15 @@ class Simulation:
         except KeyboardInterrupt:
             return Status("INTERRUPTED", f"interrupted at {self.reached:.6g} s")
 
+    def attempt(self, steps: int) -> float:
+        """Let the kernel make so many step attempts; returns its outcome. What it does depends on nothing but their number."""
+        self.run["budget"][0] = steps
+        return self._advance(self.run.address, self.groups.address)
+
     def _slice(self) -> float:
         """One call of the kernel, its budget adapted to the time calls take."""
-        self.run["budget"][0] = self._budget
         began = time.perf_counter()
-        outcome = self._advance(self.run.address, self.groups.address)
+        outcome = self.attempt(self._budget)
         spent = time.perf_counter() - began
         if outcome == records.PAUSED:
             self._budget = int(min(max(self._budget * _SLICE / max(spent, 1e-6), 16), self._budget * 8))
@@ -203,19 +172,14 @@ class Simulation:
     def learn(self) -> list[choice.Probe]:
         """What the steps so far tell of each group."""
         trajectories = self.trajectories()
-        jacobians = [
-            self.system.jacobian(t, np.concatenate([tr(np.array([t]))[0] for tr in trajectories]))
-            for t in (self.start, self.reached)
-        ]
         probes = []
         for g, (trajectory, wiring) in enumerate(zip(trajectories, self.wiring, strict=True)):
             sizes = np.diff(trajectory.knots)
-            own = self._slice_of(g)
             pieces = self.program.pieces[wiring.form, self.settings[g].method]
             probes.append(
                 choice.Probe(
                     step=float(np.median(sizes[len(sizes) // 2 :])) if len(sizes) else self.stop - self.start,
-                    spectral_radius=choice.spectral_radius([j[own, own] for j in jacobians]),
+                    spectral_radius=functools.partial(self._spectral_radius, g),
                     states=wiring.form.states,
                     flops=sum(self.plan.classes[c.kind].flops for c in wiring.form.calls if c.part < 0),
                     updates=pieces.updates,
@@ -225,6 +189,13 @@ class Simulation:
                 )
             )
         return probes
+
+    def _spectral_radius(self, g: int) -> float:
+        """Largest |eigenvalue| of a group's Jacobian at the start and now."""
+        own = self._slice_of(g)
+        times = (self.start, self.reached)
+        blocks = [self.system.jacobian(t, self._states_at(t, g))[own, own] for t in times]
+        return choice.spectral_radius(blocks)
 
     # ---- failures -------------------------------------------------------------------------------
 

@@ -127,9 +127,8 @@ class System:
                     _call(kind.start, t, self._inputs(node, x, outs), self.values[node], own)
                     first = self.offsets[node]
                     x[first : first + len(own)] = own
-                    for n, part in self._calls:
-                        if n == node:
-                            self._evaluate(n, part, t, x, outs)
+                for part in range(len(kind.parts)):
+                    self._evaluate(node, part, t, x, outs)
         return x
 
     def rhs(self, t: float, x: Sequence[float] | Floats) -> Floats:

@@ -47,6 +47,7 @@ class RecordArray:
     """Memory for `count` records: `self["t"]` is a numpy view of one field over all records (int64 or float64)."""
 
     def __init__(self, record: type[Record], count: int) -> None:
+        self.record = record
         self.names = list(record.fields())
         self.memory = np.zeros((max(count, 1), len(self.names)), np.int64)
         kinds = record.fields()
@@ -54,6 +55,12 @@ class RecordArray:
             name: self.memory[:, k].view(np.float64) if kinds[name] is float else self.memory[:, k]
             for k, name in enumerate(self.names)
         }
+
+    def copy(self) -> RecordArray:
+        """The same records in memory of their own."""
+        made = RecordArray(self.record, len(self.memory))
+        made.memory[:] = self.memory
+        return made
 
     def __getitem__(self, name: str) -> npt.NDArray[Any]:
         return self._views[name]
