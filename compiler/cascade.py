@@ -1,4 +1,4 @@
-"""Phase 11, cascade: who depends on whom, and the proof that no level depends on a later one.
+"""Cascade: who depends on whom, and the proof that no level depends on a later one.
 
 In: the nodes. Out: a `Cascade`: for each node what its equations read, down to the nodes with states. Guaranteed, unless E601 or E606 was
 reported: in every agent with levels, none of them depends continuously on a later one. Dependence is what equations use after substitution: an unused `read`

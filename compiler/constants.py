@@ -1,4 +1,4 @@
-"""Phase 4, constants: the values of the file's and the agents' constants, and expressions without shared definitions.
+"""Constants: the values of the file's and the agents' constants, and expressions without shared definitions.
 
 In: constants in an order in which each comes after those it uses. Out: values of literals.
 """
@@ -6,7 +6,7 @@ In: constants in an order in which each comes after those it uses. Out: values o
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import pi
 
 from hierc.compiler.collector import Collector, Rejected
@@ -23,7 +23,7 @@ from hierc.grammar import tree
 MAX_UNSHARED = 2_000
 MAX_UNSHARED_DEPTH = 200
 
-ByName = Mapping[str, Value]
+ByName = dict[str, Value]
 
 
 def file_constants(library: Library, order: Sequence[str], budget: Budget, problems: Collector) -> ByName:
@@ -49,7 +49,7 @@ def agent_constants(
 ) -> ByName:
     """The constants of an agent alone."""
     found: dict[str, Value] = {}
-    scope = Values(ChainMap(found, dict(constants)))
+    scope = Values(ChainMap(found, constants))
     for name in order:
         _evaluate(
             agent.consts[name], Environment(library, constants, scope, UNSHARED, budget), found, problems

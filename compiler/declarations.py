@@ -1,4 +1,4 @@
-"""Phase 1, declarations: what a file and each of its agents declare, by name.
+"""Declarations: what a file and each of its agents declare, by name.
 
 In: the syntax tree of a file. Out: a `Library`: every definition under its name, with the level it stands in. Guaranteed: no name is
 declared twice in one scope, and nothing stands in the library that the later phases do not support (each such use was reported).

@@ -1,4 +1,4 @@
-"""Phase 3, equations: every variable has exactly one kind of definition, in the level it is declared in.
+"""Equations: every variable has exactly one kind of definition, in the level it is declared in.
 
 In: a `Library` with right names. Checked for every agent by the text alone (E501 to E505, E605, E607); single elements of vectors are checked
 where sizes are known, in `flatten.py`.

@@ -1,4 +1,4 @@
-"""Phase 8, structure: agents, levels and couplings become nodes with scalar equations.
+"""Structure: agents, levels and couplings become nodes with scalar equations.
 
 In: instances, parameters and an experiment's initial values. Out: a `Flat` model. Guaranteed: every variable's scalars are defined exactly once
 and every state has an initial value; couplings are substituted down to the variables that are really read; what is used more than once is
@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from hierc.compiler.collector import Collector, Rejected
-from hierc.compiler.constants import UNSHARED, ByName
-from hierc.compiler.declarations import Equation, Library, Variable
+from hierc.compiler.collector import Rejected
+from hierc.compiler.context import Context
+from hierc.compiler.declarations import Equation, Variable
 from hierc.compiler.equation_errors import (
     DefinedTwice,
     DerivativeOfRead,
@@ -20,11 +20,10 @@ from hierc.compiler.equation_errors import (
     NoDerivative,
     NotAState,
 )
-from hierc.compiler.evaluate import Budget, Environment, Values, evaluate, expected, selected, span_of
+from hierc.compiler.evaluate import Environment, Values, evaluate, expected, selected, span_of
 from hierc.compiler.expression import Expr, Local, Number, Rate, State
 from hierc.compiler.flat import Flat, FlatDefinition, FlatState, FlatVariable
 from hierc.compiler.instances import Instance
-from hierc.compiler.names import Names
 from hierc.compiler.operations import Sharing, condition
 from hierc.compiler.parameters import Parameters
 from hierc.compiler.storage import Storage, allocate
@@ -38,19 +37,14 @@ Initials = Mapping[tuple[int, str], tree.Initial]
 
 
 def flatten(
-    library: Library,
-    names: Names,
-    constants: ByName,
+    context: Context,
     instances: Sequence[Instance],
     parameters: Parameters,
     experiment: tree.Experiment | None,
     initials: Initials,
-    budget: Budget,
-    problems: Collector,
 ) -> Flat:
     """Put the model together."""
-    file = Environment(library, constants, Values(constants), UNSHARED, budget)
-    return _Flattener(file, names, tuple(instances), parameters, experiment, initials, problems).result()
+    return _Flattener(context, tuple(instances), parameters, experiment, initials).result()
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,22 +60,20 @@ class _Flattener:
 
     def __init__(
         self,
-        file: Environment,
-        names: Names,
+        context: Context,
         instances: tuple[Instance, ...],
         parameters: Parameters,
         experiment: tree.Experiment | None,
         initials: Initials,
-        problems: Collector,
     ) -> None:
-        self._file = file
-        self._names = names
+        self._file = context.environment()
+        self._names = context.names
+        self._problems = context.problems
         self._instances = instances
         self._parameters = parameters
         self._experiment = experiment
         self._initials = initials
-        self._problems = problems
-        self.storage: Storage = allocate(file, instances, parameters, problems)
+        self.storage: Storage = allocate(self._file, instances, parameters, self._problems)
         self._definitions: list[FlatDefinition] = list(self.storage.algebraic)
         self._equations: dict[tuple[str, int], _Defined] = {}  # by "diff" or "alge" and index
         self._initial_values: dict[int, Expr] = {}

@@ -20,10 +20,11 @@ from dataclasses import replace
 
 from hierc.compiler.cascade import prove_cascade
 from hierc.compiler.collector import Collector, Rejected
-from hierc.compiler.constants import UNSHARED, file_constants
+from hierc.compiler.constants import file_constants
+from hierc.compiler.context import Context
 from hierc.compiler.declarations import Library, declare
 from hierc.compiler.equations import check_equations
-from hierc.compiler.evaluate import Budget, Environment, Values
+from hierc.compiler.evaluate import Budget
 from hierc.compiler.experiments import Choice, choose, resolve_experiment, resolve_gifts, standalone_agents
 from hierc.compiler.flat import Flat
 from hierc.compiler.flatten import flatten
@@ -35,7 +36,6 @@ from hierc.compiler.names import Names, check_names
 from hierc.compiler.nodes import make_nodes
 from hierc.compiler.outside import Given, check_given
 from hierc.compiler.parameters import Parameters, make_parameters
-from hierc.compiler.structural import structural_parameters
 from hierc.compiler.unit_checks import check_declared_units
 from hierc.grammar import tree
 from hierc.grammar.problems import ModelError, Problem
@@ -86,40 +86,29 @@ def check_file(file: tree.File) -> tuple[Problem, ...]:
 def _model(library: Library, names: Names, choice: Choice, overrides: Given, problems: Collector) -> Model:
     """Build the chosen model."""
     budget = Budget()
-    constants = file_constants(library, names.consts, budget, problems)
+    context = Context(
+        library, names, file_constants(library, names.consts, budget, problems), budget, problems
+    )
     try:
         agents = instances(library, choice.agent)
     except Rejected as rejection:
-        raise ModelError([rejection.problem] if rejection.problem else []) from None
+        problems.rejected(rejection)
+        agents = ()
+    problems.stop_on_errors()
     gifts = resolve_gifts(library, choice.experiment, agents, problems)
     problems.stop_on_errors()
-    parameters = make_parameters(
-        library,
-        names,
-        constants,
-        structural_parameters(library),
-        agents,
-        gifts.arguments,
-        overrides,
-        budget,
-        problems,
-    )
+    parameters = make_parameters(context, agents, gifts.arguments, overrides)
     problems.stop_on_errors()
     check_given(parameters.entries, overrides)
-    flat = flatten(
-        library, names, constants, agents, parameters, choice.experiment, gifts.initials, budget, problems
-    )
+    flat = flatten(context, agents, parameters, choice.experiment, gifts.initials)
     check_loops(flat, problems)
     problems.stop_on_errors()
-    env = Environment(library, constants, Values(constants), UNSHARED, budget)
-    return _arranged(flat, parameters, choice, env, problems)
+    return _arranged(context, flat, parameters, choice)
 
 
-def _arranged(
-    flat: Flat, parameters: Parameters, choice: Choice, env: Environment, problems: Collector
-) -> Model:
+def _arranged(context: Context, flat: Flat, parameters: Parameters, choice: Choice) -> Model:
     """Prove the cascade, group the nodes, and put everything in order."""
-    agent = choice.agent
+    agent, problems = choice.agent, context.problems
     made = make_nodes(flat)
     local = made.nodes
     cascade = prove_cascade(flat.instances, flat.nodes, local, problems)
@@ -129,12 +118,14 @@ def _arranged(
     nodes = tuple(_moved(local[old].node, place) for old in grouping.order)
     groups = tuple(Group(group.name, tuple(place[n] for n in group.nodes)) for group in grouping.groups)
     variables = tuple(replace(v, elements=_sources(v.elements, place)) for v in made.variables)
-    experiment = resolve_experiment(choice.experiment, env, nodes, groups, variables, problems)
+    experiment = resolve_experiment(
+        choice.experiment, context.environment(), nodes, groups, variables, problems
+    )
     problems.stop_on_errors()
     return Model(
         name=agent.name,
         doc=agent.definition.doc,
-        file=env.library.file.source.name,
+        file=context.library.file.source.name,
         parameters=parameters.entries,
         parameter_count=parameters.count,
         nodes=nodes,

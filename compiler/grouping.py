@@ -1,4 +1,4 @@
-"""Phase 12, grouping: which nodes make a subsystem with a step size of its own, and the order of everything.
+"""Grouping: which nodes make a subsystem with a step size of its own, and the order of everything.
 
 In: nodes and their dependences. Out: a `Grouping`. Guaranteed: every node with states is in exactly one group; groups are acyclic and in order of
 dependence, then text; nodes are in an order in which each comes after those it reads, group by group.

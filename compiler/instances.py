@@ -1,4 +1,4 @@
-"""Phase 5, instances: the tree of agents that a chosen top agent is made of.
+"""Instances: the tree of agents that a chosen top agent is made of.
 
 In: a `Library` and the top agent's name. Out: `Instance`s in text order, each after the agent that contains it, with ids that are their
 places in the tuple. Counted before it is built.

@@ -1,4 +1,4 @@
-"""Phase 9, loops: nothing needs its own value.
+"""Loops: nothing needs its own value.
 
 In: a `Flat` model. Checked: definitions and derivatives do not need themselves (E506), initial values neither (E507), and no initial value needs a
 derivative (E510). The closed path that is shown is a shortest one, through the user's own names and lines.

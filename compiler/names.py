@@ -1,4 +1,4 @@
-"""Phase 2, names: every name in every expression stands for something, of the right kind.
+"""Names: every name in every expression stands for something, of the right kind.
 
 In: a `Library`. Out: `Names`: the orders in which constants and `let`s can be evaluated. Guaranteed: every reference, call, instance, argument
 and coupling names something that exists and is visible; nothing contains or calls itself; expressions are not too deeply nested. Agents are checked whether

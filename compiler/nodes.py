@@ -1,4 +1,4 @@
-"""Phase 10, nodes: the flat model as nodes whose expressions use their own indices.
+"""Nodes: the flat model as nodes whose expressions use their own indices.
 
 In: a `Flat` model without loops. Out: a `LocalNode` for each flat node, in text order. Guaranteed: inputs are only scalars of other nodes that are
 really used, numbered by first use, those of continuous equations first; parameters likewise; definitions that are not used are gone.

@@ -1,4 +1,4 @@
-"""Phase 6, parameters: the parameter vector of a model, and what parameters, constants and `let`s of them are in each agent.
+"""Parameters: the parameter vector of a model, and what parameters, constants and `let`s of them are in each agent.
 
 In: instances, the values an experiment gives and those given from outside. Out: `Parameters`. Guaranteed: every parameter stands after those its
 value is made of; structural ones are literals; values have the declared types and shapes.
@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from hierc.compiler import expression, model
-from hierc.compiler.collector import Collector, Rejected
-from hierc.compiler.constants import UNSHARED, ByName, agent_constants, literal, measured
-from hierc.compiler.declarations import Library
-from hierc.compiler.evaluate import Budget, Environment, Values, declared_shape, evaluate, expected
+from hierc.compiler.collector import Rejected
+from hierc.compiler.constants import ByName, agent_constants, literal, measured
+from hierc.compiler.context import Context
+from hierc.compiler.evaluate import Environment, Values, declared_shape, evaluate, expected
 from hierc.compiler.instances import Instance
-from hierc.compiler.names import Names
 from hierc.compiler.outside import Given, outside_value
+from hierc.compiler.structural import structural_parameters
 from hierc.compiler.values import Value, size_of
 from hierc.grammar import tree
 
@@ -35,19 +35,10 @@ class Parameters:
 
 
 def make_parameters(
-    library: Library,
-    names: Names,
-    constants: ByName,
-    structural: Mapping[str, frozenset[str]],
-    instances: Sequence[Instance],
-    arguments: Arguments,
-    given: Given,
-    budget: Budget,
-    problems: Collector,
+    context: Context, instances: Sequence[Instance], arguments: Arguments, given: Given
 ) -> Parameters:
     """Lay out the parameter vector. `given` holds values from outside by path; only those of structural parameters count here."""
-    file = Environment(library, constants, Values(constants), UNSHARED, budget)
-    builder = _Builder(file, names, structural, arguments, given, problems)
+    builder = _Builder(context, arguments, given)
     for instance in instances:
         builder.add(instance)
     return Parameters(tuple(builder.entries), builder.count, tuple(builder.by_instance))
@@ -56,21 +47,14 @@ def make_parameters(
 class _Builder:
     """Adds instances one after the other, each after its parent."""
 
-    def __init__(
-        self,
-        file: Environment,
-        names: Names,
-        structural: Mapping[str, frozenset[str]],
-        arguments: Arguments,
-        given: Given,
-        problems: Collector,
-    ) -> None:
-        self._file = file
-        self._names = names
-        self._structural = structural
+    def __init__(self, context: Context, arguments: Arguments, given: Given) -> None:
+        self._context = context
+        self._file = context.environment()
+        self._names = context.names
+        self._problems = context.problems
+        self._structural = structural_parameters(context.library)
         self._arguments = arguments
         self._given = given
-        self._problems = problems
         self._consts: dict[str, ByName] = {}
         self.entries: list[model.Parameter] = []
         self.count = 0
@@ -81,7 +65,7 @@ class _Builder:
         own: dict[str, Value] = {}
         consts = self._constants_of(instance)
         refused: dict[str, Rejected] = {}
-        scope = Values(ChainMap(own, dict(consts), dict(self._file.constants)), refused)
+        scope = Values(ChainMap(own, consts, self._context.constants), refused)
         env = replace(self._file, scope=scope)
         for name, param in instance.agent.params.items():
             try:
@@ -100,10 +84,14 @@ class _Builder:
     def _constants_of(self, instance: Instance) -> ByName:
         agent = instance.agent
         if agent.name not in self._consts:
-            env = self._file
-            order = self._names.agent_consts[agent.name]
+            context = self._context
             self._consts[agent.name] = agent_constants(
-                env.library, agent, order, env.constants, env.budget, self._problems
+                context.library,
+                agent,
+                self._names.agent_consts[agent.name],
+                context.constants,
+                context.budget,
+                self._problems,
             )
         return self._consts[agent.name]
 

@@ -1,4 +1,4 @@
-"""Phase 3, structural parameters: those that reach a size, a range, an index or the choice of a coupling.
+"""Structural parameters: those that reach a size, a range, an index or the choice of a coupling.
 
 In: a `Library` with right names. Out: for each agent the names of its structural parameters. Their values are built into the model; all others
 can change between runs. A parameter is structural for all instances of its agent alike, and so is every parameter it is computed from.

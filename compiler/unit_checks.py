@@ -1,4 +1,4 @@
-"""Phase 3, units: every unit in the text is known, and declared ones are coherent with SI.
+"""Units: every unit in the text is known, and declared ones are coherent with SI.
 
 In: a `Library`. Units are not compared with each other: `E401` to `E406` are not checked.
 """
