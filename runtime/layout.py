@@ -1,7 +1,7 @@
 """Where the memory of each group lies: worked out once for a plan and its methods, filled in anew for each run.
 
-All groups' states stand in one array, all their values in another, and so on; a group's record holds addresses into them. So a run of ten thousand groups is set
-up by a few operations on whole arrays.
+All groups' states stand in one array, all their values in another, and so on; a group's record holds addresses into them. So a run of ten
+thousand groups is set up by a few operations on whole arrays.
 """
 
 from __future__ import annotations

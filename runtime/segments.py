@@ -12,6 +12,46 @@ from hierc.runtime.records import Group
 HEADER = 4
 
 
+def sample(
+    track: Array[float],
+    shape: Array[int],
+    times: Array[float],
+    out: Array[float],
+) -> None:
+    """Evaluate a group's states at any times. `shape` holds its number of segments, stride, width, degree and states, and the number of times.
+
+    A time at a knot belongs to the segment that ends there. `out` gets a row of states for each time.
+    """
+    last = shape[0] - 1
+    stride = shape[1]
+    width = shape[2]
+    degree = shape[3]
+    n = shape[4]
+    k = 0
+    for m in range(shape[5]):
+        t = times[m]
+        if t <= track[k * stride] or t > track[k * stride + 1]:
+            low = 0
+            high = last
+            while low < high:
+                middle = (low + high) // 2
+                if track[middle * stride + 1] < t:
+                    low = middle + 1
+                else:
+                    high = middle
+            k = low
+        piece = at(track, k * stride)
+        theta = (t - piece[0]) * piece[2]
+        for i in range(n):
+            c = at(piece, HEADER + i * width)
+            a = c[degree]
+            q = degree - 1
+            while q >= 0:
+                a = a * theta + c[q]
+                q -= 1
+            out[m * n + i] = a
+
+
 def segment(g: Group, k: int) -> Array[float]:
     """Segment number k, counted from the start of the run."""
     return at(g.track, (k - g.first) * g.stride)

@@ -22,7 +22,6 @@ from hierc.runtime.machine.dialect import RecordArray
 from hierc.runtime.machine.forms import Wiring
 from hierc.runtime.machine.program import Announce
 from hierc.runtime.methods.catalogue import METHODS
-from hierc.runtime.segments import HEADER
 from hierc.runtime.status import Status
 from hierc.runtime.system import System
 from hierc.runtime.trajectory import GroupTrajectory
@@ -112,13 +111,28 @@ class Simulation:
                             "the trajectory needs more memory than a run may use; stop earlier or loosen rtol",
                         )
                 elif outcome != records.PAUSED:
-                    return self._failure(outcome)
+                    status = self._failure(outcome)
+                    self._catch_up()
+                    return status
                 if progress is not None:
                     progress(float(self.groups["t"].min()))
                 if most_steps is not None and self.groups["steps"].max() > most_steps:
                     return self._too_many(most_steps)
         except KeyboardInterrupt:
             return Status("INTERRUPTED", f"interrupted at {self.reached:.6g} s")
+
+    def _catch_up(self) -> None:
+        """Bring the other groups to where the failed one stands, so that all that can be known is kept. One that fails on the way sets the mark lower."""
+        outcome = records.NOT_FINITE
+        while outcome not in (records.DONE, records.PAUSED, records.FULL):
+            mark = self.groups["t"][int(self.run["group"][0])]
+            self.groups["stop"][:] = mark
+            self.run["stop"][0], self.run["window"][0], self.run["group"][0] = mark, mark, 0
+            outcome = self._slice()
+            while outcome == records.PAUSED or (
+                outcome == records.FULL and self._grow(int(self.run["group"][0]))
+            ):
+                outcome = self._slice()
 
     def attempt(self, steps: int) -> float:
         """Let the kernel make so many step attempts; returns its outcome. What it does depends on nothing but their number."""
@@ -157,15 +171,20 @@ class Simulation:
             n, method = wiring.form.states, METHODS[self.settings[g].method]
             count, stride = int(self.groups["count"][g]), int(self.groups["stride"][g])
             table = self.tracks[g][: count * stride].reshape(count, stride)
-            coefficients = table[:, HEADER : HEADER + n * method.width].reshape(count, n, method.width)
-            knots = np.append(table[:, 0], self.groups["t"][g])
             stats = {name: int(self.groups[name][g]) for name in _COUNTERS}
             result.append(
                 GroupTrajectory(
-                    self.plan.groups[g].name, method.name, method.degree, knots,
-                    coefficients[:, :, : method.degree + 1], self.initial[first : first + n], stats,
+                    name=self.plan.groups[g].name,
+                    method=method.name,
+                    degree=method.degree,
+                    width=method.width,
+                    table=table,
+                    reached=float(self.groups["t"][g]),
+                    initial=self.initial[first : first + n],
+                    stats=stats,
+                    program=self.program,
                 )
-            )  # fmt: skip
+            )
             first += n
         return tuple(result)
 

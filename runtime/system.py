@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.runtime import ieee
 from hierc.runtime.contract import Class, Parameter, Plan
 from hierc.runtime.errors import SettingError
 
@@ -230,11 +231,11 @@ class System:
 
 
 def _call(function: Callable[..., None], *args: Any) -> None:
-    """Call a generated function; what it could not compute stays NaN."""
+    """Call a generated function; what it could not compute is NaN."""
     try:
         function(*args)
     except _FAULTS:
-        args[-1][:] = [_NAN] * len(args[-1])
+        ieee.call(function, *args)
 
 
 def parameter_vector(plan: Plan, given: Mapping[str, object]) -> Floats:

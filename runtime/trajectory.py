@@ -2,35 +2,55 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.runtime.machine.program import Program
+from hierc.runtime.segments import HEADER
+
 Floats = NDArray[np.float64]
+_SAMPLE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
 
 
 @dataclass(frozen=True)
 class GroupTrajectory:
-    """Segments of one group: `knots` (k + 1,), `coefficients` (k, n, degree + 1) of its states in theta = (t - t0)/h, lowest power first."""
+    """Segments of one group, a row of `table` each (see `segments.py`); `reached` is the end of the last."""
 
     name: str
     method: str
     degree: int
-    knots: Floats
-    coefficients: Floats
+    width: int
+    table: Floats
+    reached: float
     initial: Floats  # (n,): what holds before the first step
     stats: Mapping[str, int]
+    program: Program  # whose `sample` evaluates
+
+    @property
+    def knots(self) -> Floats:
+        """Ends of the steps (k + 1,), s."""
+        return np.append(self.table[:, 0], self.reached)
+
+    @property
+    def coefficients(self) -> Floats:
+        """Coefficients (k, n, degree + 1) of the states in theta = (t - t0)/h, lowest power first."""
+        n = len(self.initial)
+        places = self.table[:, HEADER : HEADER + n * self.width].reshape(-1, n, self.width)
+        return places[:, :, : self.degree + 1]
 
     def __call__(self, t: Floats) -> Floats:
         """States (len(t), n) at the times t, each within the knots (at a knot: of the segment that ends there)."""
-        if not len(self.coefficients):
-            return np.broadcast_to(self.initial, (len(t), len(self.initial))).copy()
-        k = np.clip(np.searchsorted(self.knots, t, side="left") - 1, 0, len(self.coefficients) - 1)
-        theta = ((t - self.knots[k]) / (self.knots[k + 1] - self.knots[k]))[:, None]
-        c = self.coefficients[k]
-        result = c[:, :, -1]
-        for power in range(self.degree - 1, -1, -1):
-            result = result * theta + c[:, :, power]
-        return np.ascontiguousarray(result)
+        n = len(self.initial)
+        if not len(self.table):
+            return np.broadcast_to(self.initial, (len(t), n)).copy()
+        times = np.ascontiguousarray(t, np.float64)
+        out = np.empty((len(times), n))
+        count, stride = self.table.shape
+        shape = np.array([count, stride, self.width, self.degree, n, len(times)], np.int64)
+        sample = _SAMPLE(self.program.sample)
+        sample(self.table.ctypes.data, shape.ctypes.data, times.ctypes.data, out.ctypes.data)
+        return out

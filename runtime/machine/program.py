@@ -24,6 +24,7 @@ from hierc.runtime.machine.compose import Composer, Form
 from hierc.runtime.machine.unit import Loaded, Unit, compile_object, machine_key, parse_function
 from hierc.runtime.methods.catalogue import METHODS
 from hierc.runtime.methods.method import Method
+from hierc.runtime.segments import sample
 
 #: Called with a sentence where something has to be compiled that takes a while.
 Announce = Callable[[str], None]
@@ -45,6 +46,7 @@ class Program:
     """Everything a run needs of machine code. `code` keeps it in memory."""
 
     advance: int
+    sample: int
     steps: dict[str, int]  # by method
     pieces: dict[tuple[Form, str], Pieces]
     code: Loaded
@@ -76,12 +78,13 @@ def build(
         for (form, name), (label, facts) in labels.items()
     }
     steps = {name: code.address(f"step_{name}") for name in METHODS}
-    return Program(code.address("advance"), steps, pieces, code)
+    return Program(code.address("advance"), code.address("sample"), steps, pieces, code)
 
 
 def _kernel() -> tuple[dict[str, Any], Unit]:
     unit = Unit("kernel")
     unit.lower(advance, export="advance")
+    unit.lower(sample, export="sample")
     for method in METHODS.values():
         unit.lower(
             method.step, lanes=method.lanes, constants=method.step_names(), export=f"step_{method.name}"

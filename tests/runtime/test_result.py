@@ -79,8 +79,8 @@ def a_plan(experiment: Experiment | None = None) -> Plan:
 
 
 def steps(name: str, method: str, knots: list[float], **counters: int) -> GroupTrajectory:
-    nothing_between = np.zeros((len(knots) - 1, 0, 1))
-    return GroupTrajectory(name, method, 0, np.array(knots), nothing_between, np.zeros(0), counters)
+    starts = np.array([[start, end, 1.0 / (end - start), end - start] for start, end in pairwise(knots)])
+    return GroupTrajectory(name, method, 0, 8, starts, knots[-1], np.zeros(0), counters, program=None)  # type: ignore[arg-type]
 
 
 DONE = Status("DONE", "reached 2 s")

@@ -1,0 +1,50 @@
+"""Generated functions under CPython where CPython would raise: in the arithmetic of the machine, 1/0 infinite, the root of -1 NaN.
+
+So a fault spoils what depends on it, not all that the function computes. numpy's elementary functions stand in for `math`'s; they need not agree to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+import types
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "pow": "power"}
+_SAME = (
+    "sqrt",
+    "fabs",
+    "floor",
+    "ceil",
+    "copysign",
+    "exp",
+    "log",
+    "log10",
+    "sin",
+    "cos",
+    "tan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "fmod",
+)
+_MATH = types.SimpleNamespace(
+    **{name: getattr(np, _NAMES.get(name, name)) for name in (*_SAME, *_NAMES)},
+)
+
+
+def call(function: Callable[..., None], *args: Any) -> None:
+    """function(…, output), its output NaN where it is not finite. Numbers and lists of numbers as arguments."""
+    names = {**function.__globals__, "math": _MATH, "float": np.float64}
+    quiet = types.FunctionType(function.__code__, names)
+    output = args[-1]
+    given = [np.float64(a) if isinstance(a, float) else [np.float64(v) for v in a] for a in args[:-1]]
+    result = list(output)
+    try:
+        with np.errstate(all="ignore"):
+            quiet(*given, result)
+    except ZeroDivisionError:  # 1.0/0.0, written out
+        pass
+    output[:] = [float(v) if math.isfinite(v) else math.nan for v in result]
