@@ -14,7 +14,9 @@ FOLDER = Path(__file__).parent / "dumps"
 
 
 def source(name: str) -> SourceFile:
-    return SourceFile(f"{name}.hier", files("hierc.models").joinpath(f"{name}.hier").read_text(encoding="utf-8"))
+    return SourceFile(
+        f"{name}.hier", files("hierc.models").joinpath(f"{name}.hier").read_text(encoding="utf-8")
+    )
 
 
 @pytest.mark.parametrize("stage", ["model", "cascade"])
