@@ -80,7 +80,9 @@ def a_plan(experiment: Experiment | None = None) -> Plan:
 
 
 def steps(name: str, method: str, knots: list[float], **counters: int) -> GroupTrajectory:
-    starts = np.array([[start, end, 1.0 / (end - start), end - start] for start, end in pairwise(knots)])
+    starts = np.array(
+        [[start, end, 1.0 / (end - start), end - start] for start, end in pairwise(knots)]
+    ).reshape(-1, 4)
     return GroupTrajectory(name, method, 0, 8, starts, knots[-1], np.zeros(0), counters, program=None)  # type: ignore[arg-type]
 
 
