@@ -1,6 +1,6 @@
 """Generated functions under CPython where CPython would raise: in the arithmetic of the machine, 1/0 infinite, the root of -1 NaN.
 
-So a fault spoils what depends on it, not all that the function computes. numpy's elementary functions stand in for `math`'s; they need not agree to the last bit.
+So a fault spoils what depends on it, not all that the function computes. numpy's functions stand in for `math`'s; they need not agree to the last bit.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from hierc.runtime.contract import Class
 from hierc.runtime.machine.arithmetic import Arithmetic
 from hierc.runtime.machine.bytable import LARGE, TableCode
 from hierc.runtime.machine.linear import Elimination, LinearCode, eliminate
-from hierc.runtime.machine.split import depends, split
+from hierc.runtime.machine.split import depends, split, switches
 from hierc.runtime.machine.types import DOUBLE, I64, POINTER, Emitted, Float, Pointer, Type, Value, llvm_type
 from hierc.runtime.machine.unit import Unit
 
@@ -76,6 +76,7 @@ class Composer:
         self.narrow = Pointer(Float())
         self.saved = 0
         self.moving_outs: set[int] = set()
+        self.switching = False
         self.rhs_fixed, self.rhs = self._right_hand_sides(form.calls)
 
     # ---- right-hand side and outs ---------------------------------------------------------------
@@ -91,6 +92,7 @@ class Composer:
                 self.moving_outs |= {call.y + k for k in moving}
             parts.append((call, pieces, self.saved))
             self.saved += pieces.saved
+            self.switching |= switches(pieces.after)
         fixed = self._begin(
             "fixed", {"t": Float(self.lanes), "u": self.wide, "p": self.narrow, "v": self.wide}
         )
@@ -154,7 +156,9 @@ class Composer:
         return tuple(sorted(self._chain(lambda call: None)))
 
     def linear(self) -> bool:
-        """Whether the Jacobian is constant within a run."""
+        """Whether the right-hand side is linear in the states, its Jacobian constant within a run."""
+        if self.switching:
+            return False
         for call in self.form.calls:
             kind = self.classes[call.kind]
             varying = depends(self.definitions(kind.jac), "J", lambda array, _: array in ("p", "d"))

@@ -10,6 +10,8 @@ import ast
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 
+#: Functions of `math` that jump.
+_STEPS = frozenset({"floor", "ceil", "copysign", "fmod"})
 #: Says of a subscript (array, index) whether it is fixed, that is does not depend on the states.
 Fixed = Callable[[str, int], bool]
 
@@ -62,6 +64,14 @@ def depends(function: ast.FunctionDef, output: str, fixed: Fixed) -> set[int]:
                 if isinstance(target, ast.Subscript):
                     found.add(_index(target))
     return found
+
+
+def switches(function: ast.FunctionDef) -> bool:
+    """Whether a function has branches or steps: its derivatives then do not tell how it moves."""
+    return any(
+        isinstance(node, ast.If | ast.IfExp) or (isinstance(node, ast.Attribute) and node.attr in _STEPS)
+        for node in ast.walk(function)
+    )
 
 
 def _moving_names(function: ast.FunctionDef, fixed: Fixed) -> set[str]:

@@ -210,3 +210,15 @@ def test_what_only_a_published_out_reads() -> None:
     exported(composer.unit, composer.publish())(t, group.states(x), group.inputs(t, x), group.values, out)
     wanted = [group.system._outs(s, row)[1][2][0] for s, row in zip(t, x, strict=True)]
     assert out[0] == pytest.approx(wanted, rel=1e-14)
+
+
+def test_a_switch_is_not_linear() -> None:
+    """Its Jacobian, zero on either side, is constant; one Newton iteration would still not do. Switches of time and inputs alone do not matter."""
+    relay = a_class("Relay", {"x": "-1.0 if x[0] > 0.0 else 1.0"})
+    steps = a_class("Steps", {"x": "-float(math.floor(x[0]))"})
+    clock = a_class("Clock", {"x": "(1.0 if t > 1.0 else 2.0) - x[0]"}, {(0, 0): "-1.0"})
+    plan = a_plan({"relay": At(relay), "steps": At(steps), "clock": At(clock)})
+    assert [Group(plan, g, 4).composer().linear() for g in range(3)] == [False, False, False]
+    lines = ["if t > 1.0:", "    a = 1.0", "else:", "    a = 2.0"]
+    timed = a_class("Timed", {"x": "a - x[0]"}, {(0, 0): "-1.0"}, first=lines)
+    assert Group(a_plan({"timed": At(timed)}), 0, 4).composer().linear()
