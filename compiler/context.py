@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hierc.compiler.collector import Collector
-from hierc.compiler.constants import UNSHARED, ByName
-from hierc.compiler.declarations import Library
-from hierc.compiler.evaluate import Budget, Environment, Values
-from hierc.compiler.names import Names
+from hierc.compiler.resolve.constants import UNSHARED, ByName
+from hierc.compiler.resolve.declarations import Library
+from hierc.compiler.resolve.names import Names
+from hierc.compiler.shapes.evaluate import Budget, Environment, Values
 
 
 @dataclass(frozen=True, slots=True)

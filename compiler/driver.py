@@ -11,7 +11,7 @@ from typing import Literal, assert_never, get_args
 
 from hierc.compiler.front import analyse, check_file
 from hierc.compiler.model import Model
-from hierc.compiler.outside import check_given
+from hierc.compiler.resolve.outside import check_given
 from hierc.grammar.parser import parse
 from hierc.grammar.problems import Problem
 from hierc.grammar.source import SourceFile
@@ -73,12 +73,12 @@ def emit(
         case "cascade":
             return dump_cascade(model)
         case "symbolic":
-            from hierc.compiler.symbolic import derive
+            from hierc.compiler.symbolic.derive import derive
 
             return dump_tree(derive(model))
         case "plan":
-            from hierc.compiler.plan import plan
-            from hierc.compiler.symbolic import derive
+            from hierc.compiler.emission.plan import plan
+            from hierc.compiler.symbolic.derive import derive
 
             return dump_tree(plan(model, derive(model)))
         case "python":
@@ -88,8 +88,8 @@ def emit(
 
 
 def _python(model: Model) -> str:
-    from hierc.compiler.emit import emit as emit_plan
-    from hierc.compiler.plan import plan
-    from hierc.compiler.symbolic import derive
+    from hierc.compiler.emission.emit import emit as emit_plan
+    from hierc.compiler.emission.plan import plan
+    from hierc.compiler.symbolic.derive import derive
 
     return emit_plan(plan(model, derive(model)))

@@ -19,7 +19,7 @@ from hierc.compiler.expression import (
     Time,
 )
 from hierc.compiler.model import Model, Node, Source
-from hierc.compiler.values import element_names
+from hierc.compiler.shapes.values import element_names
 
 _INFIX: Mapping[Operator, tuple[str, int]] = {
     "or": (" or ", 1), "and": (" and ", 2), "lt": (" < ", 3), "le": (" <= ", 3), "gt": (" > ", 3), "ge": (" >= ", 3),

@@ -4,9 +4,9 @@ It only calls the phases one after the other; each states its contract in its ow
 
     declarations  what is declared, by name             parameters   the parameter vector
     names         every name is right                   flatten      scalar equations, couplings substituted
-    unit_checks   every unit is known                   loops        nothing needs itself
-    equations     one definition each                   nodes        each node in its own indices
-    structural    which parameters are built in         cascade      no level depends on a later one
+    checks        every unit is known                   loops        nothing needs itself
+    definitions   one for each variable                 nodes        each node in its own indices
+    structural    which parameters are built in         proof        no level depends on a later one
     constants     values of constants                   grouping     subsystems and their order
     instances     the tree of agents                    experiments  which agent runs; settings and records
 
@@ -18,25 +18,31 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from hierc.compiler.cascade import prove_cascade
+from hierc.compiler.cascade.grouping import make_groups
+from hierc.compiler.cascade.proof import prove_cascade
 from hierc.compiler.collector import Collector, Rejected
-from hierc.compiler.constants import file_constants
 from hierc.compiler.context import Context
-from hierc.compiler.declarations import Library, declare
-from hierc.compiler.equations import check_equations
-from hierc.compiler.evaluate import Budget
-from hierc.compiler.experiments import Choice, choose, resolve_experiment, resolve_gifts, standalone_agents
-from hierc.compiler.flat import Flat
-from hierc.compiler.flatten import flatten
-from hierc.compiler.grouping import make_groups
-from hierc.compiler.instances import instances
-from hierc.compiler.loops import check_loops
+from hierc.compiler.equations.definitions import check_equations
+from hierc.compiler.equations.loops import check_loops
 from hierc.compiler.model import Group, Model, Node, Source
-from hierc.compiler.names import Names, check_names
-from hierc.compiler.nodes import make_nodes
-from hierc.compiler.outside import Given, check_given
-from hierc.compiler.parameters import Parameters, make_parameters
-from hierc.compiler.unit_checks import check_declared_units
+from hierc.compiler.resolve.constants import file_constants
+from hierc.compiler.resolve.declarations import Library, declare
+from hierc.compiler.resolve.names import Names, check_names
+from hierc.compiler.resolve.outside import Given, check_given
+from hierc.compiler.shapes.evaluate import Budget
+from hierc.compiler.structure.experiments import (
+    Choice,
+    choose,
+    resolve_experiment,
+    resolve_gifts,
+    standalone_agents,
+)
+from hierc.compiler.structure.flat import Flat
+from hierc.compiler.structure.flatten import flatten
+from hierc.compiler.structure.instances import instances
+from hierc.compiler.structure.nodes import make_nodes
+from hierc.compiler.structure.parameters import Parameters, make_parameters
+from hierc.compiler.units.checks import check_declared_units
 from hierc.grammar import tree
 from hierc.grammar.problems import ModelError, Problem
 

@@ -15,9 +15,9 @@ import mpmath
 
 from hierc.compiler import expression as e
 from hierc.compiler import model as m
-from hierc.compiler.emit import emit
-from hierc.compiler.plan import plan
-from hierc.compiler.symbolic import derive
+from hierc.compiler.emission.emit import emit
+from hierc.compiler.emission.plan import plan
+from hierc.compiler.symbolic.derive import derive
 from hierc.runtime import contract
 
 

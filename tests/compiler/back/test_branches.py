@@ -7,7 +7,7 @@ import pytest
 from hand import TIME, Agent, apply, build, choose, log, single, sqrt
 from oracle import System, generate
 
-from hierc.compiler.symbolic import derive
+from hierc.compiler.symbolic.derive import derive
 from hierc.grammar.problems import ModelError
 
 

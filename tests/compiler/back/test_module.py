@@ -11,9 +11,9 @@ import pytest
 from hand import TIME, Agent, apply, build, cart4, choose, ring, toy
 from oracle import StubModel, System, generate, load
 
-from hierc.compiler import emit
-from hierc.compiler.plan import plan
-from hierc.compiler.symbolic import derive
+from hierc.compiler.emission import emit
+from hierc.compiler.emission.plan import plan
+from hierc.compiler.symbolic.derive import derive
 from hierc.runtime import contract
 
 FACE = ("simulate", "rhs", "jacobian")

@@ -8,7 +8,7 @@ import pytest
 from hand import SPAN, Agent, build
 from oracle import System, generate
 
-from hierc.compiler.emit_names import class_names
+from hierc.compiler.emission.names import class_names
 from hierc.compiler.model import Settings, Variable
 
 HOSTILE = sorted(

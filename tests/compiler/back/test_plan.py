@@ -7,7 +7,7 @@ from hand import TIME, Agent, build, ring, toy
 from oracle import Interpreter, System, generate, ulps
 
 from hierc.compiler import expression as e
-from hierc.compiler.plan import ordered
+from hierc.compiler.emission.plan import ordered
 
 
 def test_a_toy_cascade():

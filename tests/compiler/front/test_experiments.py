@@ -7,7 +7,7 @@ from helpers import gallery, groups, model_of
 from interpreter import Interpreter
 
 from hierc.compiler.front import check_file
-from hierc.compiler.outside import check_given
+from hierc.compiler.resolve.outside import check_given
 from hierc.grammar.parser import parse
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import SourceFile

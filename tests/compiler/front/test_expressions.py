@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from interpreter import Interpreter
 
 from hierc.compiler.collector import Rejected
-from hierc.compiler.units import literal_in_si, parse_unit
+from hierc.compiler.units.units import literal_in_si, parse_unit
 from hierc.grammar import tree
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import SourceFile, Span

@@ -7,8 +7,8 @@ from helpers import model_of, node
 from interpreter import Interpreter
 
 from hierc.compiler.expression import Apply, Choose, Expr
-from hierc.compiler.name_errors import NestedTooDeeply
-from hierc.compiler.terms import MAX_DEPTH
+from hierc.compiler.resolve.errors import NestedTooDeeply
+from hierc.compiler.shapes.terms import MAX_DEPTH
 from hierc.grammar.problems import ModelError
 
 

@@ -9,15 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from hierc.compiler import experiment_errors, name_errors, unsupported
+from hierc.compiler import unsupported
 from hierc.compiler.front import analyse
+from hierc.compiler.resolve import errors as name_errors
+from hierc.compiler.structure import errors as experiment_errors
 from hierc.grammar.parser import parse
 from hierc.grammar.problems import ModelError, Problem
 from hierc.grammar.render import render_all
 from hierc.grammar.source import SourceFile
 
 CASES = sorted((Path(__file__).parent / "problems").glob("*.hier"))
-MODULES = ("name", "shape", "unit", "equation", "cascade", "experiment")
+PHASES = ("resolve", "shapes", "units", "equations", "cascade", "structure")
 
 
 def problems_of(text: str, name: str = "test.hier", **choice: object) -> tuple[Problem, ...]:
@@ -39,7 +41,7 @@ def test_wording(case: Path, request: pytest.FixtureRequest) -> None:
 
 
 def kinds_of_problems() -> Iterator[type[Problem]]:
-    for name in (*(f"{module}_errors" for module in MODULES), "unsupported"):
+    for name in (*(f"{phase}.errors" for phase in PHASES), "unsupported"):
         module = import_module(f"hierc.compiler.{name}")
         for kind in vars(module).values():
             if (

@@ -1,0 +1,162 @@
+"""Cascade: who depends on whom, and the proof that no level depends on a later one.
+
+In: the nodes. Out: a `Cascade`: for each node what its equations read, down to the nodes with states. Guaranteed, unless E601 or E606 was
+reported: in every agent with levels, none of them depends continuously on a later one. Dependence is what equations use after substitution: an unused `read`
+makes none, and initial values make none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hierc.compiler.cascade.errors import BrokenCascade, LaterDerivative
+from hierc.compiler.collector import Collector
+from hierc.compiler.expression import Input, Local
+from hierc.compiler.model import Node, Source
+from hierc.compiler.structure.flat import FlatNode, leaves
+from hierc.compiler.structure.instances import Instance
+from hierc.compiler.structure.nodes import LocalNode
+from hierc.grammar import tree
+from hierc.grammar.source import Span
+
+
+@dataclass(frozen=True, slots=True)
+class Reads:
+    """A node reads `source`, a node with states, at `span`, perhaps by way of nodes without states."""
+
+    source: int
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Cascade:
+    """For each node the nodes that its continuous equations use.
+
+    `direct`: as they are written; `computed`: those of which they use definitions or derivatives; `reads`, for nodes with states: those
+    with states.
+    """
+
+    direct: tuple[tuple[int, ...], ...]
+    computed: tuple[tuple[int, ...], ...]
+    reads: tuple[tuple[Reads, ...], ...]
+
+
+def prove_cascade(
+    instances: Sequence[Instance],
+    flat_nodes: Sequence[FlatNode],
+    nodes: Sequence[LocalNode],
+    problems: Collector,
+) -> Cascade:
+    """The dependences of the nodes; reports every read of a later level."""
+    for here in nodes:
+        reported: set[str | None] = set()
+        for source, span in _continuous(here):
+            problem = _broken(instances, flat_nodes[here.node.id], flat_nodes[source.node], source, span)
+            if problem is not None and (problem.read is None or problem.read not in reported):
+                reported.add(problem.read)  # one for each coupling is enough
+                problems.add(problem)
+    direct = tuple(tuple(dict.fromkeys(source.node for source, _ in _continuous(here))) for here in nodes)
+    computed = tuple(
+        tuple(dict.fromkeys(source.node for source, _ in _continuous(here) if source.kind != "state"))
+        for here in nodes
+    )
+    return Cascade(
+        direct, computed, tuple(tuple(_origins(here, nodes)) if here.node.states else () for here in nodes)
+    )
+
+
+def _continuous(here: LocalNode) -> list[tuple[Source, Span]]:
+    pairs = zip(here.node.inputs, here.node.input_spans, strict=True)
+    return list(pairs)[: here.continuous]
+
+
+def _origins(here: LocalNode, nodes: Sequence[LocalNode]) -> list[Reads]:
+    """The nodes with states that `here` reads, each once, with the first place where it does."""
+    found: dict[int, Span] = {}
+    for source, span in _continuous(here):
+        seen: set[Source] = set()
+        waiting = [source]
+        while waiting:
+            at = waiting.pop()
+            if nodes[at.node].node.states:
+                found.setdefault(at.node, span)
+            elif at not in seen:
+                seen.add(at)
+                waiting += _behind(nodes[at.node].node, at.index)
+    return [Reads(source, span) for source, span in found.items()]
+
+
+def _behind(node: Node, definition: int) -> list[Source]:
+    """The inputs that a definition of a node without states uses."""
+    found: list[Source] = []
+    seen = {definition}
+    waiting = [definition]
+    while waiting:
+        for leaf in leaves(node.definitions[waiting.pop()].value):
+            if isinstance(leaf, Input):
+                found.append(node.inputs[leaf.index])
+            elif isinstance(leaf, Local) and leaf.index not in seen:
+                seen.add(leaf.index)
+                waiting.append(leaf.index)
+    return found
+
+
+def _broken(
+    instances: Sequence[Instance], reader: FlatNode, owner: FlatNode, source: Source, span: Span
+) -> BrokenCascade | LaterDerivative | None:
+    """The problem if the reader stands in an earlier level of some agent than what it reads."""
+    levels = dict(owner.levels)
+    for instance, index in reader.levels:
+        if instance in levels and levels[instance] > index:
+            return _problem(
+                instances, instances[instance], (reader, index), (owner, levels[instance]), source, span
+            )
+    return None
+
+
+def _problem(
+    instances: Sequence[Instance],
+    around: Instance,
+    reader: tuple[FlatNode, int],
+    owner: tuple[FlatNode, int],
+    source: Source,
+    span: Span,
+) -> BrokenCascade | LaterDerivative:
+    names = list(around.agent.levels)
+    reading, owning = _member(instances, around, reader[0]), _member(instances, around, owner[0])
+    bind = _binding(instances, reader[0].instance, span)
+    if source.kind == "rate" and bind is not None:
+        owner_name = owning or names[owner[1]]
+        return LaterDerivative(
+            span, read=bind.name.text, text=span.text, level=names[reader[1]], owner=owner_name
+        )
+    return BrokenCascade(
+        span,
+        reader=reading,
+        reader_level=names[reader[1]],
+        source=span.text,
+        source_level=names[owner[1]],
+        read=bind.name.text if bind else None,
+        agents=reading is not None and owning is not None,
+    )
+
+
+def _member(instances: Sequence[Instance], around: Instance, node: FlatNode) -> str | None:
+    """The sub-agent of `around` that a node is in; None if it is a level of `around` itself."""
+    here = node.instance
+    while here.parent is not None and here.parent != around.id:
+        here = instances[here.parent]
+    return here.instance.name.text if here.instance is not None and here.id != around.id else None
+
+
+def _binding(instances: Sequence[Instance], reader: Instance, span: Span) -> tree.Bind | None:
+    """The coupling, of the reader or an agent around it, whose text holds `span`."""
+    here: Instance | None = reader
+    while here is not None and here.instance is not None:
+        for bind in here.instance.bindings:
+            value = bind.value.span
+            if value.file == span.file and value.start <= span.start and span.stop <= value.stop:
+                return bind
+        here = None if here.parent is None else instances[here.parent]
+    return None

@@ -1,0 +1,1 @@
+"""Equations: one definition for each variable, and nothing that needs its own value."""

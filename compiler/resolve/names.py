@@ -1,0 +1,245 @@
+"""Names: every name in every expression stands for something, of the right kind.
+
+In: a `Library`. Out: `Names`: the orders in which constants and `let`s can be evaluated. Guaranteed: every reference, call, instance, argument
+and coupling names something that exists and is visible; nothing contains or calls itself; expressions are not too deeply nested. Agents are checked whether
+or not the chosen model uses them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from hierc.compiler.collector import Collector
+from hierc.compiler.resolve.declarations import Agent, Library
+from hierc.compiler.resolve.errors import (
+    GivenTwice,
+    MissingCoupling,
+    NoSuchRead,
+    UnknownAgent,
+    UnknownParameter,
+    UnusedLet,
+)  # fmt: skip
+from hierc.compiler.resolve.ordering import (
+    check_calls_end,
+    check_containment,
+    order_of_consts,
+    order_of_lets,
+    parameter_lets,
+)
+from hierc.compiler.resolve.scopes import AgentScope, FileScope, FunctionScope
+from hierc.compiler.units.errors import NewtonTrap
+from hierc.compiler.walk import subscripts
+from hierc.grammar import tree
+from hierc.grammar.source import Span
+
+#: Places that may use `let`s of parameters.
+WITH_LETS = ("an argument", "a size or nominal value")
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """What is known once all names are right."""
+
+    consts: tuple[str, ...]  # the file's constants, each after those it uses
+    agent_consts: Mapping[str, tuple[str, ...]]  # the same for each agent
+    lets: Mapping[str, tuple[str, ...]]  # for each agent
+    parameter_lets: Mapping[str, frozenset[str]]  # for each agent, those made of parameters only
+
+
+def check_names(library: Library, problems: Collector) -> Names:
+    """Check every name in `library`."""
+    check_containment(library, problems)
+    check_calls_end(library, problems)
+    for const in library.consts.values():
+        scope = FileScope(library, problems, f"constant `{const.name.text}`", "a constant")
+        scope.check_all((const.value, *const.type.sizes))
+        scope.check_shadowing(const.name, file_level=True)
+    for func in library.funcs.values():
+        _check_function(library, func, problems)
+    lets: dict[str, tuple[str, ...]] = {}
+    fixed_lets = {name: parameter_lets(agent, library.consts) for name, agent in library.agents.items()}
+    agent_consts: dict[str, tuple[str, ...]] = {}
+    for agent in library.agents.values():
+        used = _AgentChecker(library, agent, fixed_lets[agent.name], problems).check()
+        lets[agent.name] = order_of_lets(agent, problems)
+        agent_consts[agent.name] = order_of_consts(agent.consts, problems)
+        for name, let in agent.lets.items():
+            if name not in used:
+                problems.add(UnusedLet(let.let.name.span, name=name))
+    return Names(order_of_consts(library.consts, problems), agent_consts, lets, fixed_lets)
+
+
+def size_names(func: tree.Func, consts: Mapping[str, tree.Const]) -> frozenset[str]:
+    """Names in the parameters' types that are defined nowhere else: the argument binds them."""
+    sizes = (size for param in func.params for size in param.type.sizes)
+    bare = (
+        s.path
+        for s in sizes
+        if isinstance(s, tree.Ref) and len(s.path.steps) == 1 and not s.path.steps[0].subs
+    )
+    return (
+        frozenset(path.text for path in bare)
+        - frozenset(consts)
+        - frozenset(p.name.text for p in func.params)
+    )
+
+
+def _check_function(library: Library, func: tree.Func, problems: Collector) -> None:
+    sizes = size_names(func, library.consts)
+    scope = FunctionScope(library, problems, func, sizes | {p.name.text for p in func.params})
+    scope.check(func.body)
+    scope.check_all(func.type.sizes)
+    type_scope = FunctionScope(library, problems, func, sizes)
+    type_scope.check_all(size for param in func.params for size in param.type.sizes)
+    for param in func.params:
+        scope.check_shadowing(param.name)
+
+
+# ---- agents -------------------------------------------------------------------------------------------------------------------------
+
+
+class _AgentChecker:
+    """Checks all expressions of one agent."""
+
+    def __init__(
+        self, library: Library, agent: Agent, fixed_lets: frozenset[str], problems: Collector
+    ) -> None:
+        self._fixed_lets = fixed_lets
+        self._library = library
+        self._agent = agent
+        self._problems = problems
+        self._used: set[str] = set()
+
+    def _scope(self, place: str, params: Iterable[str], *, all_names: bool = False) -> AgentScope:
+        lets = self._agent.lets if all_names else self._fixed_lets if place in WITH_LETS else ()
+        scope = AgentScope(
+            self._library, self._problems, self._agent, place, params, lets, all_names=all_names
+        )
+        scope.used = self._used
+        return scope
+
+    def check(self) -> set[str]:
+        """The names that the agent's expressions use."""
+        agent = self._agent
+        equations = self._scope("an equation", agent.params, all_names=True)
+        fixed = self._scope("a size or nominal value", agent.params)
+        self._parameters()
+        constants = self._scope("a constant", ())
+        for const in agent.consts.values():
+            constants.check_all((const.value, *const.type.sizes))
+            equations.check_shadowing(const.name)
+        for variable in agent.variables.values():
+            fixed.check_all(variable.decl.type.sizes)
+            equations.check_all(e for e in (variable.declarator.initial,) if e is not None)
+            fixed.check_all(e for e in (variable.declarator.nominal,) if e is not None)
+            equations.check_shadowing(variable.declarator.name)
+            self._newton_trap(variable.declarator)
+        for let in agent.lets.values():
+            equations.check(let.let.value)
+            equations.check_shadowing(let.let.name)
+        self._equations(equations)
+        for sub in agent.subs.values():
+            equations.check_shadowing(sub.instance.name)
+            self._instance(sub.instance, equations)
+        return self._used
+
+    def _parameters(self) -> None:
+        """A default may use the parameters before it."""
+        before: list[str] = []
+        for name, param in self._agent.params.items():
+            scope = self._scope("the default of a parameter", before)
+            scope.check_all(param.type.sizes)
+            scope.check_all(e for e in (param.default,) if e is not None)
+            scope.check_shadowing(param.name)
+            before.append(name)
+
+    def _newton_trap(self, declarator: tree.Declarator) -> None:
+        """`real x[N]` with an integer `N` is meant to be an array."""
+        if declarator.unit is None:
+            return
+        text = declarator.unit.text
+        agent = self._agent
+        found = agent.params.get(text) or agent.consts.get(text) or self._library.consts.get(text)
+        if found is not None and found.type.scalar == "int":
+            self._problems.add(NewtonTrap(declarator.unit.span, name=declarator.name.text, unit=text))
+
+    def _equations(self, scope: AgentScope) -> None:
+        for equation in self._agent.equations:
+            bound: frozenset[str] = frozenset()
+            if equation.over is not None:
+                scope.check_all((equation.over.range.first, equation.over.range.last))
+                scope.check_shadowing(equation.over.index)
+                bound = frozenset({equation.over.index.text})
+            scope.check(equation.equation.value, bound)
+            scope.check_all(subscripts(equation.equation.target.subs), bound)
+        for invariant in self._agent.invariants:
+            scope.check(invariant.condition)
+
+    def _instance(self, instance: tree.Instance, scope: AgentScope) -> None:
+        arguments = self._scope("an argument", self._agent.params)
+        arguments.check_all(arg.value for arg in instance.args)
+        scope.check_all(bind.value for bind in instance.bindings)
+        inner = self._library.agents.get(instance.agent.text)
+        if inner is None:
+            self._problems.add(
+                UnknownAgent(
+                    instance.agent.span, name=instance.agent.text, candidates=tuple(self._library.agents)
+                )
+            )
+            return
+        check_arguments(inner, instance.args, instance.agent.span, self._problems)
+        check_bindings(inner, instance.bindings, instance.name, self._problems)
+
+
+def check_arguments(agent: Agent, args: tuple[tree.Arg, ...], span: Span, problems: Collector) -> None:
+    """Arguments name parameters, each once, and every parameter without a default has one."""
+    given = _once(tuple(arg.name for arg in args), problems)
+    for name in given.values():
+        if name.text not in agent.params:
+            problems.add(
+                UnknownParameter(name.span, agent=agent.name, name=name.text, candidates=tuple(agent.params))
+            )
+    for text, param in agent.params.items():
+        if param.default is None and text not in given:
+            problems.add(UnknownParameter(span, agent=agent.name, name=text, candidates=(), missing=True))
+
+
+def check_bindings(
+    agent: Agent, bindings: tuple[tree.Bind, ...], name: tree.Name, problems: Collector, *, top: bool = False
+) -> None:
+    """Couplings bind every `read` variable exactly once and nothing else. `name` is what lacks them."""
+    given = _once(tuple(bind.name for bind in bindings), problems)
+    for bound in given.values():
+        if bound.text not in agent.reads():
+            problems.add(NoSuchRead(bound.span, agent=agent.name, name=bound.text, reads=agent.reads()))
+    for read in agent.reads():
+        if read not in given:
+            declared = agent.variables[read].span
+            problems.add(
+                MissingCoupling(name.span, agent=name.text, read=read, declared=declared, by_experiment=top)
+            )
+
+
+def check_experiment_names(library: Library, experiment: tree.Experiment, problems: Collector) -> None:
+    """The expressions of an experiment use the file's constants; its couplings also the time."""
+    where = f"experiment `{experiment.name.text}`"
+    scope = FileScope(library, problems, where, "an argument or setting of an experiment")
+    scope.check_all(arg.value for arg in experiment.args)
+    for item in experiment.items:
+        if isinstance(item, tree.InitBlock):
+            scope.check_all(initial.value for initial in item.values)
+        elif isinstance(item, tree.Setting | tree.GroupSettings):
+            settings = item.settings if isinstance(item, tree.GroupSettings) else (item,)
+            scope.check_all(s.value for s in settings if s.name.text != "method")
+    timed = FileScope(library, problems, where, "a coupling")
+    timed.timeless = False
+    timed.check_all(bind.value for bind in experiment.bindings)
+
+
+def _once(names: tuple[tree.Name, ...], problems: Collector) -> dict[str, tree.Name]:
+    first: dict[str, tree.Name] = {}
+    for name in names:
+        if first.setdefault(name.text, name) is not name:
+            problems.add(GivenTwice(name.span, name=name.text, first=first[name.text].span))
+    return first

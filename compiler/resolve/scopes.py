@@ -1,0 +1,227 @@
+"""Scopes of names: what a reference may name in a file, in a function and in an agent. Part of the phase `names.py`.
+
+A scope checks expressions: every problem goes to the collector, and nothing is returned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from hierc.compiler import unsupported
+from hierc.compiler.collector import Collector, Rejected
+from hierc.compiler.resolve.declarations import Agent, Library
+from hierc.compiler.resolve.errors import (
+    NestedTooDeeply,
+    NotAConstant,
+    NotAValue,
+    NotVisible,
+    Shadowed,
+    TooDeep,
+    UnknownFunction,
+    UnknownName,
+)  # fmt: skip
+from hierc.compiler.shapes.functions import BUILT_IN_FUNCTIONS, LATER_FUNCTIONS
+from hierc.compiler.units.units import literal_in_si
+from hierc.compiler.walk import Visit, visit
+from hierc.grammar import tree
+from hierc.grammar.source import Span
+
+#: Deepest nesting of an expression; later phases recurse, and rely on it.
+MAX_DEPTH = 100
+
+#: Values that every scope has.
+BUILT_IN_VALUES = ("pi",)
+
+
+class FileScope:
+    """Names of the file and built-in ones; checks expressions in it. `place` is what is being written, for messages."""
+
+    def __init__(self, library: Library, problems: Collector, where: str, place: str) -> None:
+        self.library = library
+        self.problems = problems
+        self.where = where
+        self.place = place
+        self.timeless = True
+
+    def candidates(self) -> tuple[str, ...]:
+        """Names that could have been meant."""
+        return (*self.library.consts, *BUILT_IN_VALUES)
+
+    def check_all(self, exprs: Iterable[tree.Expr], bound: frozenset[str] = frozenset()) -> None:
+        for expr in exprs:
+            self.check(expr, bound)
+
+    def check(self, expr: tree.Expr, bound: frozenset[str] = frozenset()) -> None:
+        """Report everything that is wrong with the names in `expr`."""
+        for here in visit(expr, bound):
+            if here.depth > MAX_DEPTH:
+                self.problems.add(NestedTooDeeply(here.node.span, what="expression", limit=MAX_DEPTH))
+                return
+            self._node(here)
+
+    def _node(self, here: Visit) -> None:
+        match here.node:
+            case tree.Ref():
+                self._reference(here.node, here.bound)
+            case tree.Call():
+                self._call(here.node)
+            case tree.Time() if self.timeless:
+                self.problems.add(
+                    NotAConstant(here.node.span, name="`time`", kind="the time", place=self.place)
+                )
+            case tree.Comprehension(over=over):
+                self.check_shadowing(over.index)
+            case tree.Number() if here.node.unit is not None:
+                self._literal(here.node)
+            case _:
+                pass
+
+    def _literal(self, number: tree.Number) -> None:
+        try:
+            literal_in_si(number)
+        except Rejected as rejection:
+            self.problems.rejected(rejection)
+
+    def _call(self, call: tree.Call) -> None:
+        name = call.function.text
+        if name in LATER_FUNCTIONS:
+            self.problems.add(unsupported.Function(call.function.span, use=f"`{name}`"))
+        elif name not in self.library.funcs and name not in BUILT_IN_FUNCTIONS:
+            names = (*self.library.funcs, *BUILT_IN_FUNCTIONS)
+            self.problems.add(UnknownFunction(call.function.span, name=name, candidates=names))
+
+    def _reference(self, ref: tree.Ref, bound: frozenset[str]) -> None:
+        name = ref.path.steps[0].name.text
+        if name in bound and len(ref.path.steps) == 1:
+            return
+        self.resolve(ref, name)
+
+    def resolve(self, ref: tree.Ref, name: str) -> None:
+        """Check that the path of `ref`, which starts with `name`, is visible here."""
+        known = name in self.library.consts or name in BUILT_IN_VALUES
+        if known and len(ref.path.steps) == 1:
+            return
+        kinds: tuple[tuple[Mapping[str, object], str], ...] = (
+            (self.library.funcs, "a function"), (self.library.agents, "an agent"), (self.library.experiments, "an experiment"),
+        )  # fmt: skip
+        for names, kind in kinds:
+            if name in names:
+                self.problems.add(NotAValue(ref.span, name=name, kind=kind))
+                return
+        self.unknown(ref.path, name)
+
+    def unknown(self, path: tree.Path, name: str) -> None:
+        wrong = path.text if name in self.candidates() else name
+        self.problems.add(UnknownName(path.span, name=wrong, where=self.where, candidates=self.candidates()))
+
+    def check_shadowing(self, name: tree.Name, *, file_level: bool = False) -> None:
+        if name.text in BUILT_IN_VALUES:
+            self.problems.add(Shadowed(name.span, name=name.text, outer="the built-in constant"))
+        elif not file_level and name.text in self.library.consts:
+            self.problems.add(Shadowed(name.span, name=name.text, outer="the constant of the file"))
+
+
+class FunctionScope(FileScope):
+    """A function's parameters and the sizes they bind, then the file."""
+
+    def __init__(self, library: Library, problems: Collector, func: tree.Func, names: frozenset[str]) -> None:
+        super().__init__(library, problems, f"function `{func.name.text}`", "a function")
+        self._names = names
+
+    def candidates(self) -> tuple[str, ...]:
+        return (*sorted(self._names), *super().candidates())
+
+    def resolve(self, ref: tree.Ref, name: str) -> None:
+        if name not in self._names or len(ref.path.steps) > 1:
+            super().resolve(ref, name)
+
+
+class AgentScope(FileScope):
+    """The names of an agent, then the file. `values`: parameters and constants that may be used; `all_names`: variables and sub-agents too."""
+
+    def __init__(
+        self, library: Library, problems: Collector, agent: Agent, place: str, params: Iterable[str],
+        lets: Iterable[str], *, all_names: bool,
+    ) -> None:  # fmt: skip
+        super().__init__(library, problems, f"agent `{agent.name}`", place)
+        self._agent = agent
+        self._params = frozenset(params)
+        self._lets = frozenset(lets)
+        self._all_names = all_names
+        self.timeless = not all_names
+        self.used: set[str] = set()
+
+    def candidates(self) -> tuple[str, ...]:
+        agent = self._agent
+        own = (
+            (*agent.consts, *agent.lets, *agent.variables, *agent.subs)
+            if self._all_names
+            else (*agent.consts, *agent.lets)
+        )
+        return (*sorted(self._params), *own, *super().candidates())
+
+    def resolve(self, ref: tree.Ref, name: str) -> None:
+        agent = self._agent
+        steps = ref.path.steps
+        self.used.add(name)
+        if name in agent.subs:
+            self._sub_agent(ref, name)
+        elif len(steps) > 1:
+            super().resolve(ref, name)
+        elif name in agent.params:
+            if name not in self._params:
+                self._not_constant(ref, "a parameter" if self.place == "a constant" else "a later parameter")
+        elif name in agent.variables:
+            if not self._all_names:
+                self._not_constant(ref, "a variable")
+        elif name in agent.lets:
+            if name not in self._lets:
+                self._not_constant(ref, "a `let` of variables" if self._params else "a `let`")
+        elif name not in agent.consts:
+            super().resolve(ref, name)
+
+    def _not_constant(self, ref: tree.Ref, kind: str) -> None:
+        self.problems.add(NotAConstant(ref.span, name=f"`{ref.path.text}`", kind=kind, place=self.place))
+
+    def _sub_agent(self, ref: tree.Ref, name: str) -> None:
+        """A path `sub.variable`: it must be a `write` variable."""
+        steps = ref.path.steps
+        inner = self.library.agents.get(self._agent.subs[name].instance.agent.text)
+        if len(steps) == 1:
+            self.problems.add(NotAValue(ref.span, name=name, kind="an agent"))
+        elif not self._all_names:
+            self._not_constant(ref, "a variable")
+        elif inner is None:
+            pass  # the instance is reported
+        elif len(steps) > 2 or steps[1].name.text in inner.subs:
+            self.problems.add(TooDeep(ref.path.span, path=ref.path.text, owner=name))
+        else:
+            self._visible(ref, steps[1].name.text, inner)
+
+    def _visible(self, ref: tree.Ref, name: str, inner: Agent) -> None:
+        variable = inner.variables.get(name)
+        if variable is not None and variable.decl.access == "write":
+            return
+        found = _declared(inner, name)
+        if found is None:
+            where = f"agent `{inner.name}`"
+            self.problems.add(UnknownName(ref.path.span, name=name, where=where, candidates=inner.writes()))
+        else:
+            kind, span = found
+            self.problems.add(
+                NotVisible(ref.path.span, agent=inner.name, name=name, kind=kind, declared=span)
+            )
+
+
+def _declared(agent: Agent, name: str) -> tuple[str, Span] | None:
+    """What `name` is in `agent`, and where."""
+    if name in agent.variables:
+        variable = agent.variables[name]
+        return ("private" if variable.decl.access == "private" else "a read variable"), variable.span
+    if name in agent.lets:
+        return "private", agent.lets[name].let.name.span
+    if name in agent.params:
+        return "a parameter", agent.params[name].name.span
+    if name in agent.consts:
+        return "a constant", agent.consts[name].name.span
+    return None

@@ -1,0 +1,318 @@
+"""Evaluating expressions of the syntax tree to shaped values of scalars: shapes are checked and vectors split on the way.
+
+In: an expression and an `Environment` that knows the names of its scope. Out: a `Value`, or `Rejected` with what is wrong. Names are right already
+(`names.py`). Conditions made of literals, indices and structural parameters are decided here, and only the chosen branch is evaluated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Protocol, assert_never
+
+from hierc.compiler.collector import Rejected
+from hierc.compiler.expression import Choose, Time
+from hierc.compiler.resolve.declarations import Library
+from hierc.compiler.resolve.errors import ModelTooLarge
+from hierc.compiler.resolve.names import size_names
+from hierc.compiler.shapes.errors import (
+    IndexOutside,
+    NotAKnownInteger,
+    RaggedList,
+    TypeDiffers,
+    WrongArguments,
+    WrongIndexCount,
+)
+from hierc.compiler.shapes.folding import constant
+from hierc.compiler.shapes.functions import MAX_ELEMENTS, call_built_in
+from hierc.compiler.shapes.operations import Sharing, binary, condition, unary
+from hierc.compiler.shapes.values import (
+    Scalar,
+    Shape,
+    Value,
+    fits,
+    joined,
+    number,
+    scalar_of,
+    size_of,
+    type_text,
+)
+from hierc.compiler.units.units import literal_in_si
+from hierc.grammar import tree
+
+#: Scalar operations that all expressions of a model may have before sharing.
+MAX_OPERATIONS = 1_000_000
+
+
+class Scope(Protocol):
+    """What names stand for."""
+
+    def lookup(self, ref: tree.Ref) -> Value:
+        """The whole value that a reference names, before its subscripts are applied."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """A scope of values by name. `refused` has names with a problem that is reported where they are used; a name that is missing
+    altogether had one that was reported.
+    """
+
+    by_name: Mapping[str, Value]
+    refused: Mapping[str, Rejected] = field(default_factory=dict)
+
+    def lookup(self, ref: tree.Ref) -> Value:
+        """The value of the name, at the place where it is used."""
+        value = self.by_name.get(ref.path.text)
+        if value is None:
+            raise self.refused.get(ref.path.text, Rejected())
+        return value.at(ref.span)
+
+
+class Budget:
+    """Counts the work of a compilation, so that no model can take all memory."""
+
+    def __init__(self, limit: int = MAX_OPERATIONS) -> None:
+        self._left = self._limit = limit
+
+    def spend(self, count: int, node: tree.Node) -> None:
+        """Take `count` from what is left; raises Rejected (E217) when nothing is."""
+        self._left -= count
+        if self._left < 0:
+            raise Rejected(
+                ModelTooLarge(node.span, what="operations in the equations of this model", limit=self._limit)
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Environment:
+    """All that evaluation needs. `indices` are the names bound by `for` and by function calls."""
+
+    library: Library
+    constants: Mapping[str, Value]  # of the file, and the built-in ones
+    scope: Scope
+    sharing: Sharing
+    budget: Budget
+    indices: Mapping[str, Value] = field(default_factory=dict)
+
+    def bind(self, name: str, value: Value) -> Environment:
+        """The environment inside a `for`, where `name` is `value`."""
+        return replace(self, indices={**self.indices, name: value})
+
+
+def evaluate(expr: tree.Expr, env: Environment) -> Value:
+    """The value of `expr`."""
+    value = _evaluate(expr, env)
+    env.budget.spend(1 + len(value.elements), expr)
+    return value
+
+
+def _evaluate(expr: tree.Expr, env: Environment) -> Value:
+    match expr:
+        case tree.Number():
+            return number(
+                literal_in_si(expr), "int" if expr.is_int and expr.unit is None else "real", expr.span
+            )
+        case tree.Bool(value=value):
+            return number(value, "bool", expr.span)
+        case tree.Time():
+            return scalar_of("real", Time(expr.span))
+        case tree.Ref():
+            return _reference(expr, env)
+        case tree.Call():
+            return _call(expr, env)
+        case tree.Unary(operand=operand):
+            return unary(expr, evaluate(operand, env))
+        case tree.Binary():
+            return _chain(expr, env)
+        case tree.Cond():
+            return _choice(expr, env)
+        case tree.ListExpr(items=items):
+            return _list(expr, [evaluate(item, env) for item in items])
+        case tree.Comprehension(item=item, over=over):
+            steps = [
+                evaluate(item, env.bind(over.index.text, number(i, "int"))) for i in span_of(over.range, env)
+            ]
+            return _list(expr, steps) if steps else Value("int", (0,), ())
+        case _ as never:
+            assert_never(never)
+
+
+def _chain(expr: tree.Binary, env: Environment) -> Value:
+    """A chain `a + b - c`, which leans to the left, without recursion along it."""
+    spine = [expr]
+    while isinstance(left := spine[-1].left, tree.Binary):
+        spine.append(left)
+    value = evaluate(spine[-1].left, env)
+    for node in reversed(spine):
+        value = binary(node, value, evaluate(node.right, env), env.sharing)
+        env.budget.spend(len(value.elements), node)
+    return value
+
+
+def _choice(expr: tree.Cond, env: Environment) -> Value:
+    test = condition(evaluate(expr.condition, env), expr.condition)
+    known = constant(test)
+    if known is not None:
+        return evaluate(expr.then if known else expr.other, env)
+    then, other = evaluate(expr.then, env), evaluate(expr.other, env)
+    if then.shape != other.shape or (then.scalar == "bool") != (other.scalar == "bool"):
+        raise Rejected(
+            TypeDiffers(expr.other.span, subject="the `then` branch", wanted=then.type, given=other.type)
+        )
+    if then.shape:
+        test = env.sharing.value(scalar_of("bool", test), "condition").single
+    scalar = "bool" if then.scalar == "bool" else joined((then.scalar, other.scalar))
+    pairs = zip(then.elements, other.elements, strict=True)
+    return Value(scalar, then.shape, tuple(Choose(expr.span, test, a, b) for a, b in pairs))
+
+
+def _list(expr: tree.Expr, items: list[Value]) -> Value:
+    first = items[0]
+    for item in items:
+        if (
+            item.shape != first.shape
+            or len(item.shape) > 1
+            or (item.scalar == "bool") != (first.scalar == "bool")
+        ):
+            raise Rejected(RaggedList(expr.span, first=first.type, other=item.type))
+    scalar = "bool" if first.scalar == "bool" else joined([item.scalar for item in items])
+    return Value(scalar, (len(items), *first.shape), tuple(e for item in items for e in item.elements))
+
+
+# ---- references ---------------------------------------------------------------------------------------------------------------------
+
+
+def _reference(ref: tree.Ref, env: Environment) -> Value:
+    name = ref.path.steps[0].name.text
+    for step in ref.path.steps[:-1]:
+        if step.subs:
+            raise Rejected(
+                WrongIndexCount(step.span, name=step.name.text, type="agent", wanted=0, given=len(step.subs))
+            )
+    if len(ref.path.steps) == 1 and name in env.indices:
+        value = env.indices[name]
+    else:
+        value = env.scope.lookup(ref)
+    last = ref.path.steps[-1]
+    if not last.subs:
+        return value
+    shape, places = selected(ref.path.text, value.type, value.shape, last.subs, last, env)
+    return Value(value.scalar, shape, tuple(value.elements[p] for p in places))
+
+
+def selected(
+    name: str,
+    type_: str,
+    shape: Shape,
+    subs: tuple[tree.Expr | tree.Range, ...],
+    node: tree.Node,
+    env: Environment,
+) -> tuple[Shape, tuple[int, ...]]:
+    """The shape and the places (from 0, row by row) of the elements that subscripts choose from a value of `shape`."""
+    if len(subs) != len(shape):
+        raise Rejected(WrongIndexCount(node.span, name=name, type=type_, wanted=len(shape), given=len(subs)))
+    places = [0]
+    chosen_shape: list[int] = []
+    for axis, (sub, size) in enumerate(zip(subs, shape, strict=True), start=1):
+        if isinstance(sub, tree.Range):
+            chosen = list(span_of(sub, env))
+            chosen_shape.append(len(chosen))
+        else:
+            chosen = [known_integer(sub, env, "index")]
+        for index in chosen:
+            if not 1 <= index <= size:
+                raise Rejected(IndexOutside(sub.span, name=name, sizes=shape, index=str(index), axis=axis))
+        places = [place * size + index - 1 for place in places for index in chosen]
+    return tuple(chosen_shape), tuple(places)
+
+
+def known_integer(expr: tree.Expr, env: Environment, what: str) -> int:
+    """The value of an expression that must be an integer known when compiling."""
+    value = evaluate(expr, env)
+    known = constant(value.single) if value.shape == () and value.scalar == "int" else None
+    if known is None:
+        raise Rejected(NotAKnownInteger(expr.span, what=what, text=expr.span.text))
+    return int(known)
+
+
+def span_of(range_: tree.Range, env: Environment) -> range:
+    """The integers of `first..last`."""
+    first = known_integer(range_.first, env, "end of a range")
+    last = known_integer(range_.last, env, "end of a range")
+    if last - first >= MAX_ELEMENTS:
+        raise Rejected(
+            ModelTooLarge(range_.span, what=f"a range of {last - first + 1} indices", limit=MAX_ELEMENTS)
+        )
+    return range(first, last + 1)
+
+
+def declared_shape(type_: tree.Type, env: Environment) -> Shape:
+    """The shape of a declared type; sizes are positive."""
+    shape: list[int] = []
+    for size in type_.sizes:
+        known = known_integer(size, env, "array size")
+        if known < 1:
+            raise Rejected(NotAKnownInteger(size.span, what="array size", text=size.span.text, positive=True))
+        shape.append(known)
+    if len(shape) > 2:
+        raise Rejected(RaggedList(type_.span, first=type_.span.text, other=type_.span.text))
+    if size_of(tuple(shape)) > MAX_ELEMENTS:
+        raise Rejected(
+            ModelTooLarge(type_.span, what=f"a value of {size_of(tuple(shape))} elements", limit=MAX_ELEMENTS)
+        )
+    return tuple(shape)
+
+
+def expected(value: Value, scalar: Scalar, shape: Shape, subject: str, node: tree.Node) -> Value:
+    """`value` as the declared type; raises Rejected (E302) when it is of another one."""
+    if value.shape != shape or not fits(value.scalar, scalar):
+        raise Rejected(
+            TypeDiffers(node.span, subject=subject, wanted=type_text(scalar, shape), given=value.type)
+        )
+    return Value(scalar, shape, value.elements)
+
+
+# ---- calls --------------------------------------------------------------------------------------------------------------------------
+
+
+def _call(call: tree.Call, env: Environment) -> Value:
+    values = tuple(evaluate(arg, env) for arg in call.args)
+    func = env.library.funcs.get(call.function.text)
+    if func is None:
+        return call_built_in(call, values, env.sharing)
+    return _inlined(call, func, values, env)
+
+
+def _inlined(call: tree.Call, func: tree.Func, values: tuple[Value, ...], env: Environment) -> Value:
+    """The body of a function of the user's, with its arguments named once."""
+    name = func.name.text
+    given = tuple(v.type for v in values)
+    wanted = ", ".join(p.type.span.text for p in func.params)
+    if len(values) != len(func.params):
+        raise Rejected(WrongArguments(call.span, function=name, wanted=wanted, given=given))
+    inside = replace(env, scope=Values(env.constants), indices={})
+    inside = _bind_sizes(func, values, inside)
+    for param, value in zip(func.params, values, strict=True):
+        fit = fits(value.scalar, param.type.scalar) and len(param.type.sizes) == len(value.shape)
+        fit = fit and declared_shape(param.type, inside) == value.shape
+        if not fit:
+            raise Rejected(WrongArguments(call.span, function=name, wanted=f"({wanted})", given=given))
+    for param, value in zip(func.params, values, strict=True):
+        argument = replace(value, scalar=param.type.scalar)
+        named = env.sharing.value(argument, f"argument {param.name.text} of {name}")
+        inside = inside.bind(param.name.text, named)
+    result = evaluate(func.body, inside)
+    return expected(
+        result, func.type.scalar, declared_shape(func.type, inside), f"the value of `{name}`", func.body
+    )
+
+
+def _bind_sizes(func: tree.Func, values: tuple[Value, ...], env: Environment) -> Environment:
+    """Give each size name of the parameters' types the size of the first argument that has it."""
+    names = size_names(func, env.library.consts)
+    for param, value in zip(func.params, values, strict=True):
+        for size, actual in zip(param.type.sizes, value.shape, strict=False):
+            if isinstance(size, tree.Ref) and size.path.text in names - env.indices.keys():
+                env = env.bind(size.path.text, number(actual, "int"))
+    return env

@@ -1,0 +1,1 @@
+"""Structure: agents, levels, couplings, parameters and experiments become nodes with scalar equations."""

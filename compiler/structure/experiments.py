@@ -1,0 +1,321 @@
+"""Experiments: which agent runs, what it is given, and how it is run and recorded.
+
+`choose` is a phase before the instances are made: it picks the agent. `resolve_gifts` finds the parameters and states that the experiment's arguments and
+`init` name; `resolve_experiment`, at the end, settles settings, group settings and records against the finished model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, assert_never
+
+from hierc.compiler import unsupported
+from hierc.compiler.collector import Collector, Rejected
+from hierc.compiler.model import Experiment, Group, Node, Settings, Variable
+from hierc.compiler.resolve.declarations import Agent, Library
+from hierc.compiler.resolve.errors import GivenTwice, UnknownAgent, UnknownParameter
+from hierc.compiler.resolve.names import check_arguments, check_bindings, check_experiment_names
+from hierc.compiler.shapes.evaluate import Environment, evaluate
+from hierc.compiler.shapes.folding import constant
+from hierc.compiler.structure.errors import (
+    MatchesNothing,
+    NoChoice,
+    UnknownExperiment,
+    UnknownPath,
+    UnknownSetting,
+    WrongValue,
+)
+from hierc.compiler.structure.instances import Instance
+from hierc.grammar import tree
+from hierc.grammar.problems import ModelError
+from hierc.grammar.source import Span
+
+#: Settings that a group may have of its own.
+GROUP_SETTINGS = ("rtol", "atol", "max_step", "min_step", "method")
+#: Settings of the language that have no effect yet.
+LATER_SETTINGS = ("order", "on_violation")
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The agent that runs, and the experiment that says how."""
+
+    agent: Agent
+    experiment: tree.Experiment | None
+
+
+def choose(library: Library, name: str | None, problems: Collector) -> Choice:
+    """The experiment or agent named; else the only experiment; else the only agent that no other contains. Raises ModelError."""
+    contained = {sub.instance.agent.text for agent in library.agents.values() for sub in agent.subs.values()}
+    tops = [agent for agent in library.agents if agent not in contained]
+    experiment: tree.Experiment | None = None
+    agent: Agent | None = None
+    if name is not None and name in library.experiments:
+        experiment = library.experiments[name]
+    elif name is not None and name in library.agents:
+        agent = library.agents[name]
+    elif name is not None:
+        raise ModelError(
+            [UnknownExperiment(None, name=name, candidates=(*library.experiments, *library.agents))]
+        )
+    elif len(library.experiments) == 1:
+        (experiment,) = library.experiments.values()
+    elif len(tops) == 1:
+        agent = library.agents[tops[0]]
+    else:
+        raise ModelError([NoChoice(None, experiments=tuple(library.experiments), agents=tuple(tops))])
+    if experiment is not None:
+        agent = library.agents.get(experiment.agent.text)
+        if agent is None:
+            span = experiment.agent.span
+            raise ModelError(
+                [UnknownAgent(span, name=experiment.agent.text, candidates=tuple(library.agents))]
+            )
+    assert agent is not None
+    _check_given(agent, experiment, problems)
+    return Choice(agent, experiment)
+
+
+def standalone_agents(library: Library) -> list[str]:
+    """Agents that no other contains and that need neither arguments nor couplings."""
+    contained = {sub.instance.agent.text for agent in library.agents.values() for sub in agent.subs.values()}
+    return [
+        name
+        for name, agent in library.agents.items()
+        if name not in contained
+        and not agent.reads()
+        and all(p.default is not None for p in agent.params.values())
+    ]
+
+
+def _check_given(agent: Agent, experiment: tree.Experiment | None, problems: Collector) -> None:
+    """The top agent's parameters and reads all have values."""
+    if experiment is None:
+        check_arguments(agent, (), agent.definition.name.span, problems)
+        check_bindings(agent, (), agent.definition.name, problems, top=True)
+        return
+    own = tuple(
+        tree.Arg(a.span, a.path.steps[0].name, a.value) for a in experiment.args if len(a.path.steps) == 1
+    )
+    check_arguments(agent, own, experiment.agent.span, problems)
+    check_bindings(agent, experiment.bindings, experiment.name, problems, top=True)
+
+
+# ---- arguments and initial values -----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Gifts:
+    """What an experiment gives, by instance and name."""
+
+    arguments: Mapping[tuple[int, str], tree.Expr]
+    initials: Mapping[tuple[int, str], tree.Initial]
+
+
+def resolve_gifts(
+    library: Library, experiment: tree.Experiment | None, instances: Sequence[Instance], problems: Collector
+) -> Gifts:
+    """Find what the arguments and `init` values of an experiment name."""
+    if experiment is None:
+        return Gifts({}, {})
+    check_experiment_names(library, experiment, problems)
+    arguments: dict[tuple[int, str], tree.Expr] = {}
+    initials: dict[tuple[int, str], tree.Initial] = {}
+    first: dict[tuple[int, str], Span] = {}
+    for arg in experiment.args:
+        owner, name = _owner(arg.path, instances, problems)
+        if owner is None:
+            continue
+        if name not in owner.agent.params:
+            known = tuple(owner.agent.params)
+            problems.add(UnknownParameter(arg.path.span, agent=owner.agent.name, name=name, candidates=known))
+        elif first.setdefault((owner.id, name), arg.path.span) is not arg.path.span:
+            problems.add(GivenTwice(arg.path.span, name=arg.path.text, first=first[owner.id, name]))
+        else:
+            arguments[owner.id, name] = arg.value
+    for initial in _initials(experiment):
+        owner, name = _owner(initial.path, instances, problems)
+        if owner is None:
+            continue
+        states = [v.name for v in owner.agent.variables.values() if v.declarator.initial is not None]
+        if name not in states or initial.path.steps[-1].subs:
+            problems.add(
+                UnknownPath(
+                    initial.path.span, what="state", path=initial.path.span.text, candidates=tuple(states)
+                )
+            )
+        elif (owner.id, name) in initials:
+            problems.add(
+                GivenTwice(
+                    initial.path.span, name=initial.path.text, first=initials[owner.id, name].path.span
+                )
+            )
+        else:
+            initials[owner.id, name] = initial
+    return Gifts(arguments, initials)
+
+
+def _initials(experiment: tree.Experiment) -> Iterator[tree.Initial]:
+    for item in experiment.items:
+        if isinstance(item, tree.InitBlock):
+            yield from item.values
+
+
+def _owner(
+    path: tree.Path, instances: Sequence[Instance], problems: Collector
+) -> tuple[Instance | None, str]:
+    """The agent that the last name of a path belongs to; None if there is none."""
+    at = instances[0]
+    for step in path.steps[:-1]:
+        if step.name.text not in at.children or step.subs:
+            problems.add(
+                UnknownPath(step.span, what="agent", path=step.span.text, candidates=tuple(at.children))
+            )
+            return None, ""
+        at = instances[at.children[step.name.text]]
+    return at, path.steps[-1].name.text
+
+
+# ---- settings and records -------------------------------------------------------------------------------------------------------------
+
+
+def resolve_experiment(
+    experiment: tree.Experiment | None,
+    env: Environment,
+    nodes: Sequence[Node],
+    groups: Sequence[Group],
+    variables: Sequence[Variable],
+    problems: Collector,
+) -> Experiment:
+    """What the experiment says, against the finished model. `env` is the file's scope."""
+    if experiment is None:
+        return Experiment(None, Settings(), (), (), ())
+    resolver = _Resolver(env, nodes, groups, variables, problems)
+    for item in experiment.items:
+        resolver.item(item)
+    settings = Settings(**resolver.settings)
+    group_settings = tuple((name, Settings(**values)) for name, values in resolver.groups.items())
+    return Experiment(
+        experiment.name.text,
+        settings,
+        group_settings,
+        tuple(dict.fromkeys(resolver.record)),
+        tuple(resolver.save),
+    )
+
+
+class _Resolver:
+    """Reads the items of an experiment one by one."""
+
+    def __init__(
+        self,
+        env: Environment,
+        nodes: Sequence[Node],
+        groups: Sequence[Group],
+        variables: Sequence[Variable],
+        problems: Collector,
+    ) -> None:
+        self._env = env
+        self._nodes = nodes
+        self._groups = groups
+        self._variables = {v.path: v for v in variables}
+        self._problems = problems
+        self.settings: dict[str, Any] = {}
+        self.groups: dict[str, dict[str, Any]] = {}
+        self.record: list[str] = []
+        self.save: list[str] = []
+
+    def item(self, item: tree.ExpItem) -> None:
+        match item:
+            case tree.Setting():
+                self._setting(item, self.settings, tuple(f.name for f in fields(Settings)))
+            case tree.GroupSettings():
+                self._group(item)
+            case tree.Record(patterns=patterns):
+                for pattern in patterns:
+                    self._record(pattern)
+            case tree.Save(files=files):
+                self.save.extend(files)
+            case tree.InitBlock():
+                pass  # in the initial values already
+            case _ as never:
+                assert_never(never)
+
+    def _setting(self, setting: tree.Setting, into: dict[str, Any], known: tuple[str, ...]) -> None:
+        name = setting.name.text
+        if name in LATER_SETTINGS:
+            self._problems.add(unsupported.Function(setting.name.span, use=f"the setting `{name}`"))
+        elif name not in known:
+            self._problems.add(UnknownSetting(setting.name.span, name=name, candidates=known))
+        elif name in into:
+            self._problems.add(GivenTwice(setting.name.span, name=name, first=setting.name.span))
+        elif name == "method":
+            into[name] = self._method(setting)
+        else:
+            into[name] = self._number(setting)
+
+    def _method(self, setting: tree.Setting) -> str | None:
+        value = setting.value
+        if isinstance(value, tree.Ref) and not value.prime and len(value.path.steps) == 1:
+            return value.path.text
+        self._problems.add(
+            WrongValue(value.span, name="method", wanted="a name", given=f"`{value.span.text}`")
+        )
+        return None
+
+    def _number(self, setting: tree.Setting) -> float | None:
+        name, node = setting.name.text, setting.value
+        try:
+            value = evaluate(node, self._env)
+        except Rejected as rejection:
+            self._problems.rejected(rejection)
+            return None
+        known = constant(value.single) if value.shape == () and value.scalar != "bool" else None
+        if known is None or (name not in ("start", "stop") and known <= 0):
+            wanted = "a number" if name in ("start", "stop") else "a positive number"
+            self._problems.add(WrongValue(node.span, name=name, wanted=wanted, given=f"`{node.span.text}`"))
+        return known
+
+    def _group(self, item: tree.GroupSettings) -> None:
+        name = self._group_name(item.path.text)
+        if name is None:
+            known = tuple(group.name for group in self._groups)
+            self._problems.add(
+                UnknownPath(item.path.span, what="group", path=item.path.text, candidates=known)
+            )
+            return
+        for setting in item.settings:
+            self._setting(setting, self.groups.setdefault(name, {}), GROUP_SETTINGS)
+
+    def _group_name(self, path: str) -> str | None:
+        """A group by its name, or by the path of an agent in it."""
+        if any(group.name == path for group in self._groups):
+            return path
+        for group in self._groups:
+            if any(self._nodes[node].path == path for node in group.nodes):
+                return group.name
+        return None
+
+    def _record(self, pattern: tree.Pattern) -> None:
+        path = pattern.path.text
+        if any(step.subs for step in pattern.path.steps):
+            self._problems.add(unsupported.Function(pattern.span, use="an index in `record`"))
+        elif pattern.star:
+            inside = [
+                v.path
+                for v in self._variables.values()
+                if v.path.startswith(f"{path}.") and v.access == "write"
+            ]
+            self.record += inside
+            if not inside:
+                owners = {v.path.rpartition(".")[0] for v in self._variables.values() if v.access == "write"}
+                self._nothing(pattern, tuple(f"{owner}.*" for owner in owners if owner))
+        elif path in self._variables:
+            self.record.append(path)
+        else:
+            self._nothing(pattern, tuple(self._variables))
+
+    def _nothing(self, pattern: tree.Pattern, candidates: tuple[str, ...]) -> None:
+        text = f"{pattern.path.text}.*" if pattern.star else pattern.path.text
+        self._problems.add(MatchesNothing(pattern.span, pattern=text, candidates=candidates))

@@ -1,0 +1,99 @@
+"""The flat model: every scalar of every agent in whole-model tables, before nodes are put in order.
+
+Expressions are those of `expression.py` with indices into the tables here: `State` and `Rate` into `Flat.states`, `Local` into
+`Flat.definitions`, `Parameter` into the parameter vector; `Input` does not occur yet. `nodes.py` turns them into the nodes' own indices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, assert_never
+
+from hierc.compiler.expression import Apply, Choose, Expr, Input, Local, Number, Parameter, Rate, State, Time
+from hierc.compiler.structure.instances import Instance, Place
+from hierc.grammar.source import Span
+
+
+@dataclass(frozen=True, slots=True)
+class FlatNode:
+    """A node of grouping. `observer`: algebraic variables that stand outside the levels of their agent."""
+
+    instance: Instance
+    level: str | None
+    observer: bool
+    path: str
+    template: str
+    span: Span
+    levels: tuple[
+        tuple[int, int], ...
+    ]  # the levels around it, from the outside: (instance, index of its level)
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class FlatState:
+    node: int
+    name: str
+    rate: Expr
+    initial: Expr
+    nominal: Expr
+    span: Span
+    rate_span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class FlatDefinition:
+    """A scalar that is computed once. `owner` is the node of an algebraic variable; None where it goes to whoever uses it."""
+
+    name: str
+    path: str  # the same in the whole model, for messages
+    value: Expr
+    span: Span
+    owner: int | None
+    hidden: bool  # made by the compiler: never shown to users
+
+
+@dataclass(frozen=True, slots=True)
+class FlatVariable:
+    """A variable for results; `elements` are State or Local leaves, None for a `read` that is bound to an expression."""
+
+    path: str
+    shape: tuple[int, ...]
+    unit: str | None
+    doc: str
+    access: Literal["write", "private", "read"]
+    elements: tuple[State | Local, ...] | None
+    span: Span
+
+
+@dataclass(frozen=True, slots=True)
+class Flat:
+    instances: tuple[Instance, ...]
+    nodes: tuple[FlatNode, ...]  # in text order
+    states: tuple[FlatState, ...]
+    definitions: tuple[FlatDefinition, ...]
+    variables: tuple[FlatVariable, ...]
+
+    def copied(self, definition: FlatDefinition) -> bool:
+        """Whether every node that uses a definition has its own copy: `let`s, couplings, and observers, which nothing integrates."""
+        return definition.owner is None or self.nodes[definition.owner].observer
+
+
+Leaf = State | Rate | Local | Parameter | Input | Time | Number
+
+
+def leaves(expr: Expr) -> Iterator[Leaf]:
+    """The leaves of an expression, from left to right, as often as they stand there."""
+    stack = [expr]
+    while stack:
+        here = stack.pop()
+        match here:
+            case Apply(args=args):
+                stack.extend(reversed(args))
+            case Choose(condition=condition, then=then, other=other):
+                stack.extend((other, then, condition))
+            case Number() | Time() | State() | Rate() | Input() | Parameter() | Local():
+                yield here
+            case _ as never:
+                assert_never(never)
