@@ -42,6 +42,7 @@ from hierc.compiler.structure.flatten import flatten
 from hierc.compiler.structure.instances import instances
 from hierc.compiler.structure.nodes import make_nodes
 from hierc.compiler.structure.parameters import Parameters, make_parameters
+from hierc.compiler.structure.relations import warn_of_jumps
 from hierc.compiler.units.checks import check_declared_units
 from hierc.grammar import tree
 from hierc.grammar.problems import ModelError, Problem
@@ -128,6 +129,7 @@ def _arranged(context: Context, flat: Flat, parameters: Parameters, choice: Choi
         choice.experiment, context.environment(), nodes, groups, variables, problems
     )
     problems.stop_on_errors()
+    warn_of_jumps(nodes, problems)
     return Model(
         name=agent.name,
         doc=agent.definition.doc,

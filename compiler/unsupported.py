@@ -119,3 +119,25 @@ class NestedLevel(NotSupported):
     code = "E012"
     construct = "a level inside a level is"
     explanation = "Levels are written one after the other in an agent; for a hierarchy inside a level, put an agent with levels into it."
+
+
+@dataclass(frozen=True)
+class Jump(NotSupported):
+    """A warning: the model runs, but a change shorter than a step may be missed."""
+
+    code = "W013"
+    severity: ClassVar[Literal["error", "warning"]] = "warning"
+    construct = "locating jumps is"
+    explanation = (
+        "Where a right-hand side jumps, a run should stop exactly there and go on with the new side. This version integrates through the jump with small "
+        "steps, which costs work, and may step over a change that is shorter than a step."
+    )
+
+    def title(self) -> str:
+        return "this jumps during a run, and its moments are not located yet"
+
+    def notes(self) -> tuple[str, ...]:
+        return ("the run steps through the jump where it meets it; one shorter than a step can be missed",)
+
+    def help(self) -> tuple[str, ...]:
+        return ("give the experiment a `max_step` shorter than the shortest piece",)
