@@ -211,10 +211,11 @@ class Simulation:
 
     def _spectral_radius(self, g: int) -> float:
         """Largest |eigenvalue| of a group's Jacobian at the start and now."""
-        own = self._slice_of(g)
+        nodes = self.plan.groups[g].nodes
         times = (self.start, self.reached)
-        blocks = [self.system.jacobian(t, self._states_at(t, g))[own, own] for t in times]
-        return choice.spectral_radius(blocks)
+        return choice.spectral_radius(
+            [self.system.jacobian_of(nodes, t, self._states_at(t, g)) for t in times]
+        )
 
     # ---- failures -------------------------------------------------------------------------------
 

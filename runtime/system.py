@@ -148,12 +148,18 @@ class System:
 
     def jacobian(self, t: float, x: Sequence[float] | Floats) -> Floats:
         """d rhs/d x, shape (n, n), from the nodes' own derivatives by the chain rule."""
+        return self.jacobian_of(self.order, t, x)
+
+    def jacobian_of(self, nodes: Sequence[int], t: float, x: Sequence[float] | Floats) -> Floats:
+        """d rhs/d x of some nodes' states by those states alone, in the order of `nodes`; x is the whole state vector."""
         x = np.asarray(x, np.float64)
         states, outs = self._outs(t, x)
-        size = self.size
+        ends = np.cumsum([0, *(len(self.kind(n).states) for n in nodes)])
+        places = dict(zip(nodes, ends.tolist(), strict=False))
+        size = int(ends[-1])
         through: dict[tuple[int, int], Floats] = {}
         result = np.zeros((size, size))
-        for node, part in [*self._calls, *((n, -1) for n in self.order)]:
+        for node, part in [*self._calls, *((n, -1) for n in nodes)]:
             kind = self.kind(node)
             n = len(kind.states)
             entries = [_NAN] * len(kind.pattern)
@@ -164,17 +170,16 @@ class System:
             for (row, column), entry in zip(kind.pattern, entries, strict=True):
                 if row not in rows:
                     continue
-                if column < n:
-                    rows[row][self.offsets[node] + column] += entry
-                    continue
-                source, what, index = self.plan.nodes[node].sources[column - n]
-                if what == "state":
-                    rows[row][self.offsets[source] + index] += entry
-                else:
+                source, what, index = (
+                    (node, "state", column) if column < n else self.plan.nodes[node].sources[column - n]
+                )
+                if what == "out":
                     rows[row] += entry * through[source, index]
+                elif source in places:
+                    rows[row][places[source] + index] += entry
             for row, values in rows.items():
                 if part < 0:
-                    result[self.offsets[node] + row] = values
+                    result[places[node] + row] = values
                 else:
                     through[node, row - n] = values
         return result

@@ -114,7 +114,9 @@ def _cached(
     """The object for this content: its facts as a line of JSON, then its code."""
     name = hashlib.sha256(f"{machine_key()}\n{content}".encode()).hexdigest()
     if store is not None:
-        with suppress(OSError, ValueError, TypeError, KeyError, AttributeError):  # a damaged file is made again
+        with suppress(
+            OSError, ValueError, TypeError, KeyError, AttributeError
+        ):  # a damaged file is made again
             line, code = (store / f"{name}.o").read_bytes().split(b"\n", 1)
             facts = json.loads(line)
             if facts.pop("digest") == hashlib.sha256(code).hexdigest():

@@ -12,8 +12,8 @@ from hierc.runtime.methods.tsit5 import TSIT5
 METHODS: dict[str, Method] = {
     method.name: method
     for method in (
-        Radau(RADAU5, newton_tolerance=0.05),
-        Radau(RADAU9, newton_tolerance=0.05),
+        Radau(RADAU5, newton_tolerance=0.02),
+        Radau(RADAU9, newton_tolerance=0.01),
         Radau(RADAU13, newton_tolerance=0.01),
         Explicit(TSIT5),
         Explicit(DOP853),

@@ -137,7 +137,8 @@ def newton(g: Group) -> int:
                 g.contraction = 1.0
                 k = 0
                 continue
-        if g.contraction * change <= g.newton_tolerance:
+        # After one iteration the rate is only the last step's, which says little where the solution turns.
+        if max(g.contraction, 1.0 if k == 1 else 0.0) * change <= g.newton_tolerance:
             return done
     return 0
 

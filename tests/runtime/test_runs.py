@@ -118,11 +118,11 @@ def relaxation() -> tuple[Model, Floats, Floats]:
 
 @pytest.mark.parametrize("method", [*IMPLICIT, "auto"])
 def test_van_der_pol_against_another_solver(method: str, relaxation: tuple[Model, Floats, Floats]) -> None:
-    """Stiff, with layers in which an error of time becomes one of the states, some hundred times as large."""
+    """Stiff, with layers in which an error of time becomes one of the states, many times as large."""
     model, t, reference = relaxation
     for tolerance in (1e-5, 1e-7):
         finished = run(model, 100.0, tolerance, method=method)
-        assert np.abs(states(finished, t)[:, 0] - reference[:, 0]).max() <= 300 * tolerance
+        assert np.abs(states(finished, t)[:, 0] - reference[:, 0]).max() <= 50 * tolerance
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -131,7 +131,7 @@ def test_pendulum_against_another_solver(method: str) -> None:
     model = a_model({"p": At(PENDULUM)})
     t = np.linspace(0.0, 20.0, 101)
     reference = solve_ivp(model.rhs, (0.0, 20.0), model.initial(), "DOP853", t, rtol=1e-13, atol=1e-13).y.T
-    most = 30.0 if method in ("radau5", "radau13") else 300.0
+    most = {"radau5": 20.0, "radau9": 10.0, "radau13": 10.0}.get(method, 300.0)
     for tolerance in (1e-4, 1e-5, 1e-7, 1e-10):
         assert (
             np.abs(states(run(model, 20.0, tolerance, method=method), t) - reference).max()
