@@ -125,6 +125,8 @@ def _parser() -> argparse.ArgumentParser:
     translate.add_argument(
         "--emit", choices=STAGES, default="python", help="print what a phase of the compiler made"
     )
+    page = commands.add_parser("explain", help="explain the code of a problem", allow_abbrev=False)
+    page.add_argument("code", metavar="CODE", nargs="?", help="such as E601; without it, all codes are listed")
     return parser
 
 

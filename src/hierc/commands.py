@@ -1,4 +1,4 @@
-"""The commands of the command line: `run`, `check`, `compile`.
+"""The commands of the command line: `run`, `check`, `compile`, `explain`.
 
 Each takes the parsed arguments and returns an exit code. What the user got wrong is a UsageError or a ModelError; cli.py words the rest.
 """
@@ -78,6 +78,14 @@ def run(arguments: Namespace) -> int:
     if not arguments.quiet:
         _report(result, written, arguments.output, compiled - began, ended - compiled)
     return _exit_code(result, written)
+
+
+def explain(arguments: Namespace) -> int:
+    """Print the page of a problem's code, or the list of all codes."""
+    from hierc import explain
+
+    sys.stdout.write(explain.explain(arguments.code) + "\n" if arguments.code else explain.index())
+    return OK
 
 
 def parse_params(texts: Iterable[str]) -> dict[str, Any]:
