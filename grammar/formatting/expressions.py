@@ -159,7 +159,7 @@ class ExpressionPrinter:
 
     def _comprehension(self, expr: tree.Comprehension) -> Doc:
         opening = self.tokens.piece("[")
-        item = self.expr(expr.item)
+        item = concat(self.tokens.lead(), self.expr(expr.item))
         over = spaced(self.tokens.take("for"), self.over(expr.over))
         return _bracketed(opening, concat(item, Line(), over), self.tokens.piece("]"))
 
@@ -183,11 +183,11 @@ class ExpressionPrinter:
         return _bracketed(left, concat(*parts), self.tokens.piece(closing), broken=broken)
 
     def listed(self, items: Sequence[T], show: Callable[[T], Doc]) -> list[Doc]:
-        """Items with commas between them."""
+        """Items with commas between them. The comments before an item do not break it."""
         parts: list[Doc] = []
         for i, item in enumerate(items):
             kept = self.tokens.break_ahead
-            shown = show(item)
+            shown = concat(self.tokens.lead(), show(item))
             comma = self.tokens.take(",") if i + 1 < len(items) else ""
             whole = concat(shown, comma)
             parts.append(Wrap(" ", whole, kept) if i else whole)

@@ -260,7 +260,7 @@ class Printer(ExpressionPrinter):
         left = self.tokens.piece("{")
         inner: list[Doc] = []
         for i, item in enumerate(items):
-            inner += [Line(blank=i > 0 and self.tokens.blank_ahead), show(item)]
+            inner += [Line(blank=i > 0 and self.tokens.blank_ahead), self.tokens.lead(), show(item)]
         blank = bool(items) and self.tokens.blank_ahead
         right = self.tokens.piece("}")
         if right.lead != "":

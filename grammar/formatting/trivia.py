@@ -71,8 +71,8 @@ class Tokens:
 
     def drop(self, text: str) -> Doc:
         """Only the comments of the token that comes next."""
-        lead, _, trail = self.piece(text)
-        return concat(lead, trail)
+        lead = self.lead(closing=True)
+        return concat(lead, self.piece(text).trail)
 
     def take_string(self) -> Doc:
         """The string that comes next."""
@@ -107,43 +107,52 @@ class Tokens:
 
     def _read_on(self, offset: int, token: str) -> Doc:
         """Go from the end of `token` to the token that comes next. Returns the comments that belong to `token`."""
-        remarks, self.next, self._breaks = self._gap(offset)
-        follow = len(list(takewhile(lambda remark: remark.breaks == 0, remarks)))
-        if follow and self._leads(token, remarks, follow):
-            follow = 0
-        own, self._lead = [*self._passed, *remarks[:follow]], remarks[follow:]
-        self.break_ahead = bool(self._passed or self._breaks or any(r.breaks for r in remarks))
+        gap = _Gap.after(self.text, offset)
+        belong = gap.belong_to(token)
+        own, self._lead = [*self._passed, *gap.remarks[:belong]], gap.remarks[belong:]
+        self.next, self._breaks = gap.stop, gap.breaks
+        self.break_ahead = bool(self._passed or gap.breaks or any(remark.breaks for remark in gap.remarks))
         self._passed = own[-1:] if self._passes(own) else []
         return concat(*map(_after, own[: len(own) - len(self._passed)]))
 
-    def _gap(self, offset: int) -> tuple[list[Remark], int, int]:
-        """The comments from `offset` to the next token, its offset, and the number of line breaks right before it."""
-        remarks: list[Remark] = []
-        while True:
-            stop = _BLANK.match(self.text, offset).end()  # type: ignore[union-attr]  # matches anything
-            breaks = self.text.count("\n", offset, stop)
-            comment = _COMMENT.match(self.text, stop)
-            if comment is None:
-                return remarks, stop, breaks
-            text = "\n".join(line.rstrip() for line in comment.group().split("\n"))
-            remarks.append(Remark(text, breaks))
-            offset = comment.end()
-
-    def _leads(self, token: str, remarks: list[Remark], follow: int) -> bool:
-        """Whether the comments right behind `token` say something about what comes next."""
-        if token == "":
-            return True
-        if remarks[follow - 1].ends_line:
-            return False
-        inline = len(remarks) == follow and self._breaks == 0
-        return token in {"(", "["} or (inline and token in {",", ";", "{"})
-
     def _passes(self, own: list[Remark]) -> bool:
-        """Whether the last comment before `,` or `;` is better placed behind it, where nothing else stands."""
+        """Whether the last comment before `,` or `;` is better placed behind it, where no other stands."""
         if not own or not own[-1].ends_line or self._lead or not (self.sees(",") or self.sees(";")):
             return False
-        behind, _, _ = self._gap(self.next + 1)
-        return not behind or behind[0].breaks > 0
+        return not _Gap.after(self.text, self.next + 1).belong_to(self.text[self.next])
+
+
+class _Gap(NamedTuple):
+    """What stands between two tokens: comments, then line breaks up to the offset `stop`."""
+
+    remarks: list[Remark]
+    breaks: int
+    stop: int
+
+    @classmethod
+    def after(cls, text: str, offset: int) -> _Gap:
+        """The gap that begins at `offset`."""
+        remarks: list[Remark] = []
+        while True:
+            blank = _BLANK.match(text, offset)
+            stop = blank.end() if blank else offset
+            breaks = text.count("\n", offset, stop)
+            comment = _COMMENT.match(text, stop)
+            if comment is None:
+                return cls(remarks, breaks, stop)
+            remarks.append(Remark("\n".join(map(str.rstrip, comment.group().split("\n"))), breaks))
+            offset = comment.end()
+
+    def belong_to(self, token: str) -> int:
+        """How many of the comments say something about the token before: those on its line, unless they lead to the next."""
+        behind = len(list(takewhile(lambda remark: remark.breaks == 0, self.remarks)))
+        if token == "":  # the beginning of the file
+            return 0
+        if behind == 0 or self.remarks[behind - 1].ends_line:
+            return behind
+        inline = behind == len(self.remarks) and self.breaks == 0
+        leads = token in {"(", "["} or (inline and token in {",", ";", "{"})
+        return 0 if leads else behind
 
 
 def _after(remark: Remark) -> Doc:
