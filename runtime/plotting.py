@@ -1,4 +1,4 @@
-"""Plots of results: a panel a group, drawn without any state outside the figure. The only module that knows matplotlib."""
+"""Plots of results: a panel a group, drawn without any state outside the figure. The only module of the runtime that knows matplotlib."""
 
 from __future__ import annotations
 

@@ -125,8 +125,16 @@ def _parser() -> argparse.ArgumentParser:
     translate.add_argument(
         "--emit", choices=STAGES, default="python", help="print what a phase of the compiler made"
     )
+    graph = commands.add_parser(
+        "graph", parents=[file, chosen], help="show groups and who reads what", allow_abbrev=False
+    )
+    graph.add_argument(
+        "-o", dest="output", metavar="FILE", help="write .svg, .png, .pdf, .dot or .json instead of a table"
+    )
     page = commands.add_parser("explain", help="explain the code of a problem", allow_abbrev=False)
-    page.add_argument("code", metavar="CODE", nargs="?", help="such as E601; without it, all codes are listed")
+    page.add_argument(
+        "code", metavar="CODE", nargs="?", help="such as E601; without it, all codes are listed"
+    )
     return parser
 
 

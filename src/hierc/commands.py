@@ -1,4 +1,4 @@
-"""The commands of the command line: `run`, `check`, `compile`, `explain`.
+"""The commands of the command line: `run`, `check`, `compile`, `graph`, `explain`.
 
 Each takes the parsed arguments and returns an exit code. What the user got wrong is a UsageError or a ModelError; cli.py words the rest.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import sys
 import time
 from argparse import Namespace
@@ -78,6 +79,33 @@ def run(arguments: Namespace) -> int:
     if not arguments.quiet:
         _report(result, written, arguments.output, compiled - began, ended - compiled)
     return _exit_code(result, written)
+
+
+def graph(arguments: Namespace) -> int:
+    """Show the structure of a model as a table, or write it as a picture or as data."""
+    from hierc import graph, picture
+    from hierc.compiler.diagram import diagram
+    from hierc.compiler.driver import model_of
+    from hierc.runtime.files import write_whole
+
+    path = Path(arguments.output) if arguments.output else None
+    if path is not None:
+        _writable(path, (*picture.SUFFIXES, *graph.WRITERS))
+    params = parse_params(arguments.params)
+    shown = diagram(model_of(loader.read(arguments.file), arguments.experiment, params))
+    if path is None:
+        marks = graph.marks_for(sys.stdout.encoding)
+        sys.stdout.write(graph.to_text(shown, marks, shutil.get_terminal_size((100, 24)).columns))
+        return OK
+    if path.suffix in graph.WRITERS:
+        write_whole(path, graph.WRITERS[path.suffix](shown).encode())
+    else:
+        try:
+            picture.draw(shown, path)
+        except ImportError as error:
+            raise UsageError(str(error)) from None
+    say(f"written: {path}")
+    return OK
 
 
 def explain(arguments: Namespace) -> int:

@@ -1,0 +1,205 @@
+"""The structure of a model for people and for other tools: a table for the terminal, Graphviz and JSON; pictures are in `picture.py`.
+
+The table is the incidence of the model: one row and one column for each agent (or level with equations of its own), slow ones first. Rows
+read columns. Below the diagonal stands who reads whom; above it nothing can stand, which is what lets every group have a step size of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+from hierc.compiler.diagram import Diagram, Member
+from hierc.grammar.render import visible
+
+#: Columns of text that are kept for what is read, however wide the matrix is.
+_LEAST = 24
+
+
+@dataclass(frozen=True, slots=True)
+class Marks:
+    """The signs of the table."""
+
+    own: str
+    reads: str
+    same_block: str
+    nothing: str
+    rule: str
+
+
+UNICODE = Marks(own="■", reads="●", same_block="□", nothing="·", rule="─")
+ASCII = Marks(own="#", reads="x", same_block="o", nothing=".", rule="-")
+
+
+def marks_for(encoding: str | None) -> Marks:
+    """Box characters where the terminal's encoding has them."""
+    try:
+        "".join((UNICODE.own, UNICODE.reads, UNICODE.same_block, UNICODE.nothing, UNICODE.rule)).encode(
+            encoding or "ascii"
+        )
+    except (UnicodeEncodeError, LookupError):
+        return ASCII
+    return UNICODE
+
+
+# ---- the terminal ----------------------------------------------------------------------------------------------------------------
+
+
+def to_text(diagram: Diagram, marks: Marks = UNICODE, width: int = 100) -> str:
+    """The table, at most `width` columns wide where names allow. The matrix is left out where there is no room for it."""
+    columns = _columns(diagram, marks)
+    rows = list(zip(*columns, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    fixed = sum(widths) + 2 * len(widths)
+    reads = ["reads", *(_reads(member) for member in diagram.members)]
+    least = min(_LEAST, max(map(len, reads)))
+    shown = fixed + least <= width
+    if not shown:
+        rows, widths = [row[:-1] for row in rows], widths[:-1]
+        fixed = sum(widths) + 2 * len(widths)
+    room = max(width - fixed, least)
+    table = [_row(row, widths, text, room) for row, text in zip(rows, reads, strict=True)]
+    rule = marks.rule * max(len(line) for lines in table for line in lines)
+    lines = [_title(diagram), "", *table[0], rule]
+    several = len(diagram.members) > len({member.block for member in diagram.members})
+    for member, previous, row in zip(diagram.members, (None, *diagram.members), table[1:], strict=False):
+        if several and previous is not None and previous.block != member.block:
+            lines.append(rule)
+        lines += row
+    lines += ["", *_legend(diagram, marks, shown=shown)]
+    return "\n".join(lines) + "\n"
+
+
+def _title(diagram: Diagram) -> str:
+    experiment = f", experiment {diagram.experiment}" if diagram.experiment else ""
+    states = sum(len(member.states) for member in diagram.members)
+    counts = f"{_count(len(diagram.groups), 'group')}, {_count(states, 'state')}"
+    return f"{diagram.model} ({visible(diagram.file)}){experiment}: {counts}"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def _columns(diagram: Diagram, marks: Marks) -> list[list[str]]:
+    """The columns before the last: number, group, member, states, matrix. The first entry of each is its head."""
+    members = diagram.members
+    groups = [
+        "" if i and members[i - 1].group == member.group and member.group else member.group or "-"
+        for i, member in enumerate(members)
+    ]
+    size = len(str(len(members)))
+    head = " ".join(str(i).rjust(size) for i in range(1, len(members) + 1))
+    return [
+        ["", *(str(i).rjust(size) for i in range(1, len(members) + 1))],
+        ["group", *groups],
+        ["agent", *(_label(member) for member in members)],
+        ["states", *(str(len(member.states)).rjust(6) for member in members)],
+        [head, *(" ".join(s.rjust(size) for s in _signs(members, i, marks)) for i in range(len(members)))],
+    ]
+
+
+def _label(member: Member) -> str:
+    return f"{member.path}: {member.template}" if member.path != member.template else member.path
+
+
+def _signs(members: Sequence[Member], row: int, marks: Marks) -> Iterator[str]:
+    """A row of the matrix."""
+    here = members[row]
+    read = {reading.owner for reading in here.reads}
+    for column, member in enumerate(members):
+        if column == row:
+            yield marks.own
+        elif column in read:
+            yield marks.reads
+        elif member.block == here.block:
+            yield marks.same_block
+        else:
+            yield marks.nothing if column < row else " "
+
+
+def _reads(member: Member) -> str:
+    return ", ".join(name for reading in member.reads for name in reading.names)
+
+
+def _row(cells: Sequence[str], widths: Sequence[int], reads: str, room: int) -> list[str]:
+    """A row as lines: what is read may need several."""
+    begin = "".join(cell.ljust(width) + "  " for cell, width in zip(cells, widths, strict=True))
+    first, *rest = textwrap.wrap(reads, room, break_long_words=False) or [""]
+    return [(begin + first).rstrip(), *(" " * len(begin) + line for line in rest)]
+
+
+def _legend(diagram: Diagram, marks: Marks, *, shown: bool) -> Iterator[str]:
+    if not shown:
+        yield "The matrix has no room here: -o graph.svg draws it."
+    else:
+        block = any(a.block == b.block for a, b in zip(diagram.members, diagram.members[1:], strict=False))
+        inside = f"   {marks.same_block} same group" if block else ""
+        yield f"Rows read columns: {marks.own} own equations   {marks.reads} reads{inside}"
+    if any(member.group is None for member in diagram.members):
+        yield "What has no states is in no group (-): it is computed where it is read."
+
+
+# ---- other tools -----------------------------------------------------------------------------------------------------------------
+
+
+def to_json(diagram: Diagram) -> str:
+    """The diagram as JSON: groups in cascade order, and agents with what they read."""
+    members = diagram.members
+    data = {
+        "model": diagram.model,
+        "file": diagram.file,
+        "experiment": diagram.experiment,
+        "groups": [
+            {"name": group, "agents": [m.path for m in members if m.group == group]}
+            for group in diagram.groups
+        ],
+        "agents": [
+            {
+                "path": member.path,
+                "agent": member.template,
+                "group": member.group,
+                "states": list(member.states),
+                "reads": [
+                    {"of": members[reading.owner].path, "variables": list(reading.names)}
+                    for reading in member.reads
+                ],
+            }
+            for member in members
+        ],
+    }
+    return json.dumps(data, indent=2) + "\n"
+
+
+def to_dot(diagram: Diagram) -> str:
+    """The diagram for Graphviz: a cluster for each group, an arrow from each member to those that read it."""
+    lines = [f"digraph {_quoted(diagram.model)} {{", "  rankdir=LR;", "  node [shape=box];"]
+    for group, members in groupby(enumerate(diagram.members), key=lambda item: item[1].group):
+        boxes = [
+            f"n{i} [label={_quoted(_label(m))}{'' if m.states else ', style=dashed'}];" for i, m in members
+        ]
+        if group is None:
+            lines += [f"  {box}" for box in boxes]
+        else:
+            name = _quoted(f"cluster {group}")
+            lines += [
+                f"  subgraph {name} {{",
+                f"    label={_quoted(group)};",
+                *(f"    {b}" for b in boxes),
+                "  }",
+            ]
+    for i, member in enumerate(diagram.members):
+        for reading in member.reads:
+            lines.append(f"  n{reading.owner} -> n{i} [label={_quoted(', '.join(reading.names))}];")
+    return "\n".join([*lines, "}"]) + "\n"
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+#: What writes each kind of file.
+WRITERS: Mapping[str, Callable[[Diagram], str]] = {".dot": to_dot, ".json": to_json}

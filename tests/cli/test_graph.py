@@ -1,0 +1,151 @@
+"""`hierc graph`: the structure found is that of the model, and every form of it says the same."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from hierc.cli import main
+from hierc.compiler.diagram import Diagram, diagram
+from hierc.compiler.driver import model_of
+from hierc.graph import ASCII, UNICODE, marks_for, to_dot, to_json, to_text
+from hierc.loader import packaged_models, read
+
+#: A gain inside a feedback loop (`s`), one before it (`g`), groups by name, an observer, and a start that reads a later level.
+MODEL = """
+agent Lag(real T = 1) { read real u; write real y = 0; diff { y' = (u - y)/T; } }
+agent Gain(real k = 1) { read real u; write real y; alge { y = k*u; } }
+agent Source() { write real y = 0; diff { y' = 1 - y; } }
+agent Late() { read real start; write real y = start; diff { y' = -y; } }
+agent Loop() {
+  level plan { agent a = Source(); agent b = Lag() [u := a.y]; agent g = Gain() [u := b.y]; }
+  level body { agent p = Lag() [u := s.y]; agent s = Gain() [u := g.y - q.y]; agent q = Lag() [u := p.y]; }
+  level tip {
+    agent t1 = Lag() [u := p.y]; agent t2 = Lag() [u := q.y + t1.y]; agent late = Late() [start := a.y];
+    group fast = t2; group mid = t1;
+  }
+  write real out;
+  alge { out = t2.y - a.y; }
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def loop() -> Diagram:
+    return diagram(model_of(read(MODEL)))
+
+
+def test_members_stand_in_blocks_slow_ones_first(loop: Diagram) -> None:
+    blocks: dict[int, set[str]] = {}
+    for member in loop.members:
+        blocks.setdefault(member.block, set()).add(member.path)
+    assert [{"a", "b"}, {"g"}, {"p", "q", "s"}] == list(blocks.values())[:3]
+    assert {frozenset(block) for block in list(blocks.values())[3:]} == {
+        frozenset(block) for block in ({"t1"}, {"t2"}, {"late"}, {"Loop"})
+    }
+    assert {m.path: m.group for m in loop.members} == {
+        "a": "plan", "b": "plan", "g": None, "p": "body", "q": "body", "s": None,
+        "t1": "mid", "t2": "fast", "late": "tip", "Loop": None,
+    }  # fmt: skip
+
+
+def test_reads_are_those_of_continuous_equations(loop: Diagram) -> None:
+    reads = {m.path: [name for reading in m.reads for name in reading.names] for m in loop.members}
+    assert reads == {
+        "a": [], "b": ["a.y"], "g": ["b.y"], "s": ["g.y", "q.y"], "p": ["s.y"], "q": ["p.y"],
+        "t1": ["p.y"], "t2": ["q.y", "t1.y"], "late": [], "Loop": ["a.y", "t2.y"],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [*packaged_models(), "loop"])
+def test_every_diagram_is_block_triangular(name: str) -> None:
+    made = diagram(model_of(read(MODEL if name == "loop" else name)))
+    assert all(a.block <= b.block for a, b in pairwise(made.members))
+    for member in made.members:
+        assert all(made.members[reading.owner].block <= member.block for reading in member.reads)
+
+
+def test_vectors_have_one_name_where_they_are_read_whole() -> None:
+    parts = """
+    agent P() { write real[3] p = [0, 0, 0]; diff { p' = [1, 1, 1]; } }
+    agent Q() { read real[3] w; read real one; write real x = 0; diff { x' = w[1] + w[2] + w[3] + one; } }
+    agent Top() { agent a = P(); agent b = Q() [w := a.p', one := a.p[2]]; }
+    """
+    (a, b) = diagram(model_of(read(parts))).members
+    assert (a.path, b.path) == ("a", "b")
+    assert [reading.names for reading in b.reads] == [("a.p'", "a.p[2]")]
+
+
+def test_the_table_shows_the_matrix(loop: Diagram) -> None:
+    lines = to_text(loop, ASCII, 100).splitlines()
+    assert lines[0] == "Loop (<text>): 5 groups, 7 states"
+    assert " 4  -      s: Gain          0   .  .  x  #  o  x              g.y, q.y" in lines
+    assert " 5  body   p: Lag           1   .  .  .  x  #  o              s.y" in lines
+    assert "10  tip    late: Late       1   .  .  .  .  .  .  .  .  .  #" in lines
+    assert sum(line.startswith("---") for line in lines) == len({member.block for member in loop.members})
+
+
+def test_a_narrow_table_leaves_the_matrix_out(loop: Diagram) -> None:
+    text = to_text(loop, UNICODE, 45)
+    assert "■" not in text
+    assert "-o graph.svg" in text
+    assert "q.y, t1.y" in text
+
+
+@pytest.mark.parametrize(
+    ("encoding", "marks"), [("utf-8", UNICODE), ("ascii", ASCII), (None, ASCII), ("?", ASCII)]
+)
+def test_marks_are_those_that_the_terminal_has(encoding: str | None, marks: object) -> None:
+    assert marks_for(encoding) is marks
+
+
+def test_json_says_the_same(loop: Diagram) -> None:
+    data = json.loads(to_json(loop))
+    assert [agent["path"] for agent in data["agents"]] == [member.path for member in loop.members]
+    assert {group["name"]: set(group["agents"]) for group in data["groups"]} == {
+        "plan": {"a", "b"}, "body": {"p", "q"}, "mid": {"t1"}, "fast": {"t2"}, "tip": {"late"},
+    }  # fmt: skip
+    (t2,) = (agent for agent in data["agents"] if agent["path"] == "t2")
+    assert t2["reads"] == [{"of": "q", "variables": ["q.y"]}, {"of": "t1", "variables": ["t1.y"]}]
+
+
+def test_dot_has_every_arrow(loop: Diagram) -> None:
+    text = to_dot(loop)
+    arrows = sum(len(member.reads) for member in loop.members)
+    assert text.count(" -> ") == arrows == 11
+    assert text.count("{") == text.count("}")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "magic"),
+    [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF"), ("dot", b"digraph"), ("json", b"{")],
+)
+def test_files_are_of_their_kind(suffix: str, magic: bytes, tmp_path: Path) -> None:
+    file = tmp_path / f"servo.{suffix}"
+    assert main(["graph", "servo", "-o", str(file)]) == 0
+    assert file.read_bytes().startswith(magic)
+
+
+def test_a_picture_has_a_mark_for_each_pair(loop: Diagram) -> None:
+    from hierc.picture import draw
+
+    (axes,) = draw(loop, None).axes
+    own, reads = axes.collections
+    assert len(own.get_offsets()) == sum(bool(member.states) for member in loop.members)
+    expected = {(r.owner + 0.5, i + 0.5) for i, member in enumerate(loop.members) for r in member.reads}
+    assert {tuple(point) for point in reads.get_offsets().tolist()} == expected
+
+
+def test_a_small_picture_names_what_is_read() -> None:
+    from hierc.picture import draw
+
+    (axes,) = draw(diagram(model_of(read("servo"))), None).axes
+    assert {text.get_text() for text in axes.texts} == {"1 state", "2 states", "r, r'", "tau"}
+
+
+def test_other_files_are_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["graph", "servo", "-o", str(tmp_path / "servo.txt")]) == 2
+    assert "must end in .svg or .png or .pdf or .dot or .json" in capsys.readouterr().err
