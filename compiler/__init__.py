@@ -1,7 +1,7 @@
 """The compiler: from syntax trees to the text of a Python module. `driver.py` sequences the phases, a folder each:
 
     resolve    what is declared, what every name stands for     cascade    no level depends on a later one; groups
-    units      every unit known, literals in SI                 symbolic   programs, derivatives, shared values
+    units      units known and agreeing, literals in SI         symbolic   programs, derivatives, shared values
     equations  one definition each, no loops                    emission   the plan, and the module's text
     shapes     vectors and matrices to scalars
     structure  agents, levels and couplings to nodes

@@ -32,7 +32,7 @@ class Compiled:
 def compile_source(
     source: SourceFile, experiment: str | None = None, params: Mapping[str, object] | None = None
 ) -> Compiled:
-    """Compile a model. `params`: parameters by path, in SI. Raises ModelError with all problems."""
+    """Compile a model. `params`: parameters by path, in their declared units. Raises ModelError with all problems."""
     model = model_of(source, experiment, params)
     structural = tuple(p.path for p in model.parameters if p.structural)
     return Compiled(_python(model), model.warnings, structural)

@@ -58,7 +58,10 @@ def dump_model(model: Model) -> str:
         unit = f" [{parameter.unit}]" if parameter.unit else ""
         values = ", ".join(whole.text(value) for value in parameter.values)
         value = f"[{values}]" if parameter.shape else values
-        lines.append(f"  {parameter.path}{unit} = {value}{'  (structural)' if parameter.structural else ''}")
+        remarks = ("  (in SI)" if parameter.scale != 1.0 else "") + (
+            "  (structural)" if parameter.structural else ""
+        )
+        lines.append(f"  {parameter.path}{unit} = {value}{remarks}")
     for node in model.nodes:
         lines += ["", *_node(Formulas(model, node, names), node)]
     lines += [

@@ -4,7 +4,7 @@ It only calls the phases one after the other; each states its contract in its ow
 
     declarations  what is declared, by name             parameters   the parameter vector
     names         every name is right                   flatten      scalar equations, couplings substituted
-    checks        every unit is known                   loops        nothing needs itself
+    checks        units are known and agree             loops        nothing needs itself
     definitions   one for each variable                 nodes        each node in its own indices
     structural    which parameters are built in         proof        no level depends on a later one
     constants     values of constants                   grouping     subsystems and their order
@@ -43,45 +43,42 @@ from hierc.compiler.structure.instances import instances
 from hierc.compiler.structure.nodes import make_nodes
 from hierc.compiler.structure.parameters import Parameters, make_parameters
 from hierc.compiler.structure.relations import warn_of_jumps
-from hierc.compiler.units.checks import check_declared_units
+from hierc.compiler.units.checks import check_declared_units, check_experiment_units, check_units
 from hierc.grammar import tree
 from hierc.grammar.problems import ModelError, Problem
 
 
-def analyse(file: tree.File, *, experiment: str | None = None, overrides: Given | None = None) -> Model:
+def analyse(
+    file: tree.File,
+    *,
+    experiment: str | None = None,
+    overrides: Given | None = None,
+    strict_units: bool = False,
+) -> Model:
     """The structured model of a file.
 
-    `experiment` names what runs (see `experiments.choose`). `overrides` gives parameters by path, numbers or nested lists in SI: all are
-    checked for name, type and shape, and those of structural parameters are built into the model; the others leave it as it is. Raises
-    ModelError with all problems.
+    `experiment` names what runs (see `experiments.choose`). `overrides` gives parameters by path, numbers or nested lists in their declared
+    units: all are checked for name, type and shape, and those of structural parameters are built into the model; the others leave it as it
+    is. `strict_units`: no plain number but 0 takes its neighbour's unit. Raises ModelError with all problems.
     """
     problems = Collector()
-    library = declare(file, problems)
-    problems.stop_on_errors()
-    names = check_names(library, problems)
-    check_declared_units(library, problems)
-    check_equations(library, problems)
-    problems.stop_on_errors()
+    library, names = _definitions(file, strict_units, problems)
     choice = choose(library, experiment, problems)
     problems.stop_on_errors()
-    return _model(library, names, choice, overrides or {}, problems)
+    return _model(library, names, choice, overrides or {}, strict_units, problems)
 
 
-def check_file(file: tree.File) -> tuple[Problem, ...]:
+def check_file(file: tree.File, *, strict_units: bool = False) -> tuple[Problem, ...]:
     """Check a file as it stands: every experiment in it or, where there is none, every agent that can run on its own.
 
-    Returns the warnings. Raises ModelError with all problems. Agents that need arguments or couplings are checked for names and equations.
+    Returns the warnings. Raises ModelError with all problems. Agents that need arguments or couplings are checked for names, equations and
+    units. `strict_units` is as for `analyse`.
     """
     problems = Collector()
-    library = declare(file, problems)
-    problems.stop_on_errors()
-    check_names(library, problems)
-    check_declared_units(library, problems)
-    check_equations(library, problems)
-    problems.stop_on_errors()
+    library, _ = _definitions(file, strict_units, problems)
     for name in library.experiments or standalone_agents(library):
         try:
-            for warning in analyse(file, experiment=name).warnings:
+            for warning in analyse(file, experiment=name, strict_units=strict_units).warnings:
                 problems.add(warning)
         except ModelError as error:
             for problem in error.problems:
@@ -90,7 +87,22 @@ def check_file(file: tree.File) -> tuple[Problem, ...]:
     return problems.in_source_order()
 
 
-def _model(library: Library, names: Names, choice: Choice, overrides: Given, problems: Collector) -> Model:
+def _definitions(file: tree.File, strict_units: bool, problems: Collector) -> tuple[Library, Names]:
+    """What a file defines, checked by its text alone."""
+    library = declare(file, problems)
+    problems.stop_on_errors()
+    names = check_names(library, problems)
+    check_declared_units(library, problems)
+    check_equations(library, problems)
+    problems.stop_on_errors()
+    check_units(library, names, problems, strict=strict_units)
+    problems.stop_on_errors()
+    return library, names
+
+
+def _model(
+    library: Library, names: Names, choice: Choice, overrides: Given, strict_units: bool, problems: Collector
+) -> Model:
     """Build the chosen model."""
     budget = Budget()
     context = Context(
@@ -104,6 +116,9 @@ def _model(library: Library, names: Names, choice: Choice, overrides: Given, pro
     problems.stop_on_errors()
     gifts = resolve_gifts(library, choice.experiment, agents, problems)
     problems.stop_on_errors()
+    if choice.experiment is not None:
+        check_experiment_units(library, choice.experiment, problems, strict=strict_units)
+        problems.stop_on_errors()
     parameters = make_parameters(context, agents, gifts.arguments, overrides)
     problems.stop_on_errors()
     check_given(parameters.entries, overrides)

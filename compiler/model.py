@@ -74,7 +74,7 @@ class Parameter:
     path: str
     scalar: Literal["real", "int", "bool"]
     shape: tuple[int, ...]
-    unit: str | None  # as declared; coherent with SI
+    unit: str | None  # as declared
     doc: str
     first: int
     values: tuple[
@@ -82,6 +82,9 @@ class Parameter:
     ]  # one a scalar, over expression.Parameter(index into the whole parameter vector), earlier ones only
     structural: bool  # its value is built into the code: another one recompiles
     span: Span
+    scale: float = (
+        1.0  # one of the declared unit in SI; `values` are in SI, those given by path in the declared unit
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +100,7 @@ class Variable:
         Source, ...
     ]  # kind `state` or `local`; a `read` is what it is bound to, listed only when that is a single variable
     span: Span
+    scale: float = 1.0  # one of the declared unit in SI: results are in the declared unit
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,22 +77,6 @@ class Imports(NotSupported):
 
 
 @dataclass(frozen=True)
-class DeclaredUnit(NotSupported):
-    """A declared unit that is not coherent with SI."""
-
-    code = "E009"
-    construct = "declarations in units other than SI are"
-    explanation = (
-        "Equations compute in SI. A value may be written in any unit (`te [s] = 0.5 [ms]`), but the declaration itself must be in a unit "
-        "of factor one, such as s, m/s or N*m, because results are not converted back yet."
-    )
-    si: str
-
-    def help(self) -> tuple[str, ...]:
-        return (f"declare it in `[{self.si}]`; its values may keep their unit, as in `0.5 [ms]`",)
-
-
-@dataclass(frozen=True)
 class Invariants(NotSupported):
     """A warning: the block is checked for names and types, and has no effect."""
 

@@ -90,7 +90,10 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter of one agent instance; scalars `first`, `first + 1`, … of the parameter vector, row by row."""
+    """A parameter of one agent instance; scalars `first`, `first + 1`, … of the parameter vector, row by row.
+
+    The vector is in SI. Values given by path are in `unit`, one of which is `scale` in SI.
+    """
 
     path: str
     shape: tuple[int, ...]
@@ -99,11 +102,15 @@ class Parameter:
     doc: str = ""
     structural: bool = False
     kind: Literal["real", "int", "bool"] = "real"
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """A variable that results know by name: its scalars as (node, "state" | "observed", index), row by row."""
+    """A variable that results know by name: its scalars as (node, "state" | "observed", index), row by row.
+
+    The scalars are in SI. Results show values in `unit`, one of which is `scale` in SI.
+    """
 
     path: str
     shape: tuple[int, ...]
@@ -111,6 +118,7 @@ class Variable:
     unit: str | None = None
     doc: str = ""
     access: Literal["write", "private", "read"] = "write"
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

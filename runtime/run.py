@@ -49,7 +49,7 @@ class FinishedRun:
         return self.system.plan
 
     def evaluate(self, paths: Sequence[str], t: Floats) -> dict[str, Floats]:
-        """Values (len(t), *shape) of variables at any times between start and t_reached."""
+        """Values (len(t), *shape) of variables, in their declared units, at any times between start and t_reached."""
         variables = {v.path: v for v in self.plan.variables}
         states = np.hstack([g(t) for g in self.groups]) if self.groups else np.zeros((len(t), 0))
         chosen = [variables[p] for p in paths]
@@ -68,7 +68,7 @@ class FinishedRun:
                 for node, what, index in variable.elements
             ]
             table = np.stack(columns, axis=1) if columns else np.zeros((len(t), 0))
-            result[variable.path] = table.reshape((len(t), *variable.shape))
+            result[variable.path] = table.reshape((len(t), *variable.shape)) / variable.scale
         return result
 
 

@@ -244,7 +244,10 @@ def _call(function: Callable[..., None], *args: Any) -> None:
 
 
 def parameter_vector(plan: Plan, given: Mapping[str, object]) -> Floats:
-    """All parameters' scalars: those given by path, the others by their defaults. Raises SettingError naming a wrong one."""
+    """All parameters' scalars, in SI: those given by path, in their declared units, the others by their defaults.
+
+    Raises SettingError naming a wrong one.
+    """
     q = np.full(plan.parameter_count, _NAN)
     by_path = {p.path: p for p in plan.parameters}
     for path, value in given.items():
@@ -273,13 +276,15 @@ def _checked(parameter: Parameter, value: object) -> Floats:
     if array.shape != parameter.shape:
         shape = "a number" if not parameter.shape else f"an array of shape {parameter.shape}"
         raise SettingError(f"`{parameter.path}` is {shape}; got shape {array.shape}")
-    if not np.isfinite(array).all():
+    with np.errstate(over="ignore"):
+        si = array * parameter.scale
+    if not np.isfinite(si).all():
         raise SettingError(f"`{parameter.path}` must be finite, not {value!r}")
     if parameter.kind == "int" and not (array == np.round(array)).all():
         raise SettingError(f"`{parameter.path}` is an int, not {value!r}")
     if parameter.kind == "bool" and not np.isin(array, (0.0, 1.0)).all():
         raise SettingError(f"`{parameter.path}` is true or false, not {value!r}")
-    return array
+    return si
 
 
 def _unknown(path: str, known: Iterable[str]) -> str:

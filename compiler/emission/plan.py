@@ -53,6 +53,7 @@ class Variable:
     unit: str | None
     doc: str
     access: str
+    scale: float  # one of the declared unit in SI
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +135,7 @@ def _variables(model: Model, symbolic: Symbolic) -> tuple[Variable, ...]:
             v.unit,
             v.doc,
             v.access,
+            v.scale,
         )
         for v in model.variables
     )

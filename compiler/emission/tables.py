@@ -114,18 +114,26 @@ def _parameter(parameter: Parameter) -> Call:
         doc=(parameter.doc, ""),
         structural=(parameter.structural, False),
         kind=(parameter.scalar, "real"),
+        scale=(parameter.scale, 1.0),
     )
     return Call("Parameter", (Constant(parameter.path), shape, first), rest)
 
 
 def _variable(variable: Variable) -> Call:
-    rest = _given(unit=(variable.unit, None), doc=(variable.doc, ""), access=(variable.access, "write"))
+    rest = _given(
+        unit=(variable.unit, None),
+        doc=(variable.doc, ""),
+        access=(variable.access, "write"),
+        scale=(variable.scale, 1.0),
+    )
     return Call(
         "Variable", (Constant(variable.path), _numbers(variable.shape), _found(variable.elements)), rest
     )
 
 
-def _given(**fields: tuple[str | bool | None, str | bool | None]) -> tuple[tuple[str, Target], ...]:
+def _given(
+    **fields: tuple[str | bool | float | None, str | bool | float | None],
+) -> tuple[tuple[str, Target], ...]:
     """The keywords whose value is not the default; each field is (value, default)."""
     return tuple((name, Constant(value)) for name, (value, default) in fields.items() if value != default)
 
@@ -174,7 +182,7 @@ _SIMULATE = """Simulates the model; what is not given is as in its experiment.
 stop      end time [s]
 rtol      relative tolerance
 atol      absolute tolerance, times each state's nominal value
-params    parameters by path (PARAMETERS), replacing their defaults
+params    parameters by path (PARAMETERS) in their declared units, replacing their defaults
 settings  start, interval, max_step, min_step, method
 
 Returns a `hierc.runtime.result.Result`.
@@ -183,7 +191,7 @@ Returns a `hierc.runtime.result.Result`.
 _RHS = """The derivatives of all states, shape ({states},), at time t [s], for scipy.integrate.solve_ivp and the like.
 
 x       states, shape ({states},), in the order of STATES, in SI units
-params  parameters by path (PARAMETERS), replacing their defaults
+params  parameters by path (PARAMETERS) in their declared units, replacing their defaults
 
 NaN where an equation is not defined."""
 

@@ -1,6 +1,6 @@
 """Values given from outside: parameters by path, from the command line or from Python.
 
-In: paths with numbers or (nested) lists of them. Problems point into a text made up of the assignment, under the name `parameters`.
+In: paths with numbers or (nested) lists of them, in the declared units. Problems point into a text made up of the assignment, under the name `parameters`.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ def _span(path: str, value: object) -> Span:
     return Span(SourceFile("parameters", text), 0, len(text))
 
 
-def outside_value(path: str, value: object, scalar: Scalar, shape: Shape) -> Value:
-    """`value` as a parameter of this type; raises Rejected (E911) if it does not fit."""
+def outside_value(path: str, value: object, scalar: Scalar, shape: Shape, scale: float) -> Value:
+    """`value` as a parameter of this type, in SI; `scale` is one of its declared unit. Raises Rejected (E911) if it does not fit."""
     found_shape, numbers = _flattened(value)
     wrong = found_shape != shape or numbers is None
-    if numbers is None or wrong or not all(_fits(n, scalar) for n in numbers):
+    if numbers is None or wrong or not all(_fits(n, scalar, scale) for n in numbers):
         raise Rejected(
             WrongValue(
                 _span(path, value), name=path, wanted=f"`{type_text(scalar, shape)}`", given=f"`{value}`"
             )
         )
-    return Value(scalar, shape, tuple(Number(None, float(n)) for n in numbers))
+    return Value(scalar, shape, tuple(Number(None, float(n) * scale) for n in numbers))
 
 
 def _flattened(value: object) -> tuple[Shape, list[float] | None]:
@@ -56,8 +56,8 @@ def _flattened(value: object) -> tuple[Shape, list[float] | None]:
     return (len(rows), *rows[0][0]), numbers
 
 
-def _fits(value: float, scalar: Scalar) -> bool:
-    if not abs(value) < float("inf"):
+def _fits(value: float, scalar: Scalar, scale: float) -> bool:
+    if not abs(value * scale) < float("inf"):
         return False
     return (
         scalar == "real"
@@ -77,7 +77,7 @@ def check_given(parameters: Iterable[model.Parameter], given: Given) -> None:
             problems.add(UnknownParameter(span, agent="the model", name=path, candidates=tuple(known)))
             continue
         try:
-            outside_value(path, value, parameter.scalar, parameter.shape)
+            outside_value(path, value, parameter.scalar, parameter.shape, parameter.scale)
         except Rejected as rejection:
             problems.rejected(rejection)
     problems.stop_on_errors()

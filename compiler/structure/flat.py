@@ -65,6 +65,7 @@ class FlatVariable:
     access: Literal["write", "private", "read"]
     elements: tuple[State | Local, ...] | None
     span: Span
+    scale: float  # one of the declared unit in SI
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,7 @@ from hierc.compiler.structure.flat import Flat, FlatDefinition, FlatState, FlatV
 from hierc.compiler.structure.instances import Instance
 from hierc.compiler.structure.parameters import Parameters
 from hierc.compiler.structure.storage import Storage, allocate
+from hierc.compiler.units.units import scale_of
 from hierc.grammar import tree
 from hierc.grammar.source import Span
 
@@ -303,12 +304,11 @@ class _Flattener:
         for instance in self._instances:
             for name, variable in instance.agent.variables.items():
                 shape = self.storage.shapes[instance.id][name]
-                unit = variable.declarator.unit.text if variable.declarator.unit else None
-                elements = self._elements(instance, variable)
-                path = instance.named(name)
+                unit = variable.declarator.unit
                 yield FlatVariable(
-                    path, shape, unit, variable.decl.doc, variable.decl.access, elements, variable.span
-                )
+                    instance.named(name), shape, unit.text if unit else None, variable.decl.doc,
+                    variable.decl.access, self._elements(instance, variable), variable.span, scale_of(unit),
+                )  # fmt: skip
 
     def _elements(self, instance: Instance, variable: Variable) -> tuple[State | Local, ...] | None:
         """The leaves of a variable; those of a `read` only when it is bound to one variable."""

@@ -77,8 +77,9 @@ def make_nodes(flat: Flat) -> Nodes:
 def _variable(variable: FlatVariable, places: _Places) -> Variable:
     elements = tuple(places.source(leaf) for leaf in variable.elements or ())
     return Variable(
-        variable.path, variable.shape, variable.unit, variable.doc, variable.access, elements, variable.span
-    )
+        variable.path, variable.shape, variable.unit, variable.doc, variable.access, elements, variable.span,
+        variable.scale,
+    )  # fmt: skip
 
 
 def _by_node(flat: Flat) -> tuple[list[list[int]], list[list[int]]]:

@@ -19,6 +19,7 @@ from hierc.compiler.resolve.structural import structural_parameters
 from hierc.compiler.shapes.evaluate import Environment, Values, declared_shape, evaluate, expected
 from hierc.compiler.shapes.values import Value, size_of
 from hierc.compiler.structure.instances import Instance
+from hierc.compiler.units.units import scale_of
 from hierc.grammar import tree
 
 #: Parameters that an experiment gives, by instance and name.
@@ -99,10 +100,11 @@ class _Builder:
         name = param.name.text
         path = instance.named(name)
         unit = param.unit.text if param.unit else None
+        scale = scale_of(param.unit)
         shape = declared_shape(param.type, env)
         structural = name in self._structural[instance.agent.name]
         if structural and path in self._given:
-            value = outside_value(path, self._given[path], param.type.scalar, shape)
+            value = outside_value(path, self._given[path], param.type.scalar, shape, scale)
         else:
             value = self._declared_value(instance, param, shape, env)
         if structural:
@@ -111,7 +113,16 @@ class _Builder:
         self.count += size_of(shape)
         self.entries.append(
             model.Parameter(
-                path, param.type.scalar, shape, unit, "", first, value.elements, structural, param.name.span
+                path,
+                param.type.scalar,
+                shape,
+                unit,
+                "",
+                first,
+                value.elements,
+                structural,
+                param.name.span,
+                scale,
             )
         )
         if structural:

@@ -1,1 +1,1 @@
-"""Units: the text between brackets as a factor to SI and exponents of the base units; every unit is known, every declared one coherent."""
+"""Units: the text between brackets as a factor to SI and exponents of the base units; the unit of every expression, and whether units agree."""

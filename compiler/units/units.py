@@ -1,7 +1,7 @@
 """Units: the text between brackets as a factor to SI and exponents of the seven base units.
 
 In: text such as `kg*m^2`, `N/m^1.5`, `1/(s*m)`, `ms`. Out: a `Unit`. Factors are exact rationals (pi and roots to 60 digits), so that a
-literal such as `0.5 [ms]` is rounded once, to the double nearest to 0.0005. Units are not compared with each other here.
+literal such as `0.5 [ms]` is rounded once, to the double nearest to 0.0005. Units are compared in `agreement.py`.
 """
 
 from __future__ import annotations
@@ -47,8 +47,10 @@ class Unit:
 
     def si_text(self) -> str:
         """The same dimension in base units, as it may be written: `m/s^2`."""
-        up = [_with_exponent(b, e) for b, e in zip(BASE, self.exponents, strict=True) if e > 0]
-        down = [_with_exponent(b, -e) for b, e in zip(BASE, self.exponents, strict=True) if e < 0]
+        exponents = dict(zip(BASE, self.exponents, strict=True))
+        exponents = {"kg": exponents.pop("kg"), **exponents}  # as it is usually written: `kg*m/s^2`
+        up = [_with_exponent(b, e) for b, e in exponents.items() if e > 0]
+        down = [_with_exponent(b, -e) for b, e in exponents.items() if e < 0]
         return "/".join(["*".join(up) or "1", *down])
 
 
@@ -124,9 +126,23 @@ def named_unit(name: str) -> Unit | None:
     return None
 
 
+def coherent_name(name: str) -> str | None:
+    """The unit of SI behind a single name: `m` for `mm`, `kg` for `g`, `rad` for `deg`; None where it is no single name."""
+    other = {"g": "kg", "deg": "rad", "°": "rad", "min": "s", "h": "s", "%": "1", "rpm": "rad/s"}
+    if name in other or name in _PREFIXED:
+        return other.get(name, name)
+    rests = (name.removeprefix(prefix) for prefix in _PREFIXES if name.startswith(prefix))
+    return next((other.get(rest, rest) for rest in rests if rest in _PREFIXED), None)
+
+
 def parse_unit(text: str, span: Span) -> Unit:
     """The unit that `text` says; raises Rejected (E404) with a suggestion when it says none. `span` is where it stands."""
     return _Parser(text, span).unit()
+
+
+def scale_of(unit: tree.Unit | None) -> float:
+    """One of a declared unit in SI: values in that unit are multiplied by it. Raises Rejected for an unknown unit."""
+    return 1.0 if unit is None else float(parse_unit(unit.text, unit.span).factor)
 
 
 class _Parser:
