@@ -24,15 +24,22 @@ def read_source(path: str | os.PathLike[str]) -> SourceFile:
     name = os.fspath(path)
     try:
         data = _regular_bytes(Path(path))
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = error.object.count(b"\n", 0, error.start) + 1
-        raise _refused(name, f"line {line} is not UTF-8 text", "save the file with UTF-8 encoding") from None
     except OSError as error:
         raise _refused(name, _reason(error)) from None
     except ValueError:  # a NUL character in the path
         raise _refused(name, "this is not a possible file name") from None
-    return SourceFile(name, text)
+    return source_of(name, data)
+
+
+def source_of(name: str, data: bytes) -> SourceFile:
+    """The text of a model that was read elsewhere. Raises ModelError when it is not text of moderate size."""
+    if len(data) > LARGEST_FILE:
+        raise _refused(name, f"it is larger than {LARGEST_FILE // 2**20} MB")
+    try:
+        return SourceFile(name, data.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise _refused(name, f"line {line} is not UTF-8 text", "save the file with UTF-8 encoding") from None
 
 
 def _regular_bytes(path: Path) -> bytes:
@@ -44,10 +51,7 @@ def _regular_bytes(path: Path) -> bytes:
             raise OSError("it is a folder")
         if not stat.S_ISREG(mode):
             raise OSError("it is not a regular file")
-        data = file.read(LARGEST_FILE + 1)
-    if len(data) > LARGEST_FILE:
-        raise OSError(f"it is larger than {LARGEST_FILE // 2**20} MB")
-    return data
+        return file.read(LARGEST_FILE + 1)
 
 
 def _reason(error: OSError) -> str:

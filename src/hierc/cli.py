@@ -135,7 +135,17 @@ def _parser() -> argparse.ArgumentParser:
     page.add_argument(
         "code", metavar="CODE", nargs="?", help="such as E601; without it, all codes are listed"
     )
+    _add_fmt_options(commands.add_parser("fmt", help="lay out model files in one style", allow_abbrev=False))
     return parser
+
+
+def _add_fmt_options(fmt: argparse.ArgumentParser) -> None:
+    fmt.add_argument(
+        "paths", metavar="PATH", nargs="+", help="a file, a folder of .hier files, or - for stdin"
+    )
+    fmt.add_argument("--check", action="store_true", help="write nothing; exit with 1 if a file would change")
+    fmt.add_argument("--diff", action="store_true", help="write nothing; print what would change")
+    fmt.add_argument("--width", type=int, default=100, metavar="COLUMNS", help="of a line; default 100")
 
 
 def _add_run_options(run: argparse.ArgumentParser) -> None:

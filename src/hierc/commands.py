@@ -1,4 +1,4 @@
-"""The commands of the command line: `run`, `check`, `compile`, `graph`, `explain`.
+"""The commands of the command line: `run`, `check`, `compile`, `graph`, `fmt`, `explain`.
 
 Each takes the parsed arguments and returns an exit code. What the user got wrong is a UsageError or a ModelError; cli.py words the rest.
 """
@@ -106,6 +106,13 @@ def graph(arguments: Namespace) -> int:
             raise UsageError(str(error)) from None
     say(f"written: {path}")
     return OK
+
+
+def fmt(arguments: Namespace) -> int:
+    """Lay out model files in one style."""
+    from hierc import fmt
+
+    return fmt.fmt(arguments)
 
 
 def explain(arguments: Namespace) -> int:
