@@ -270,6 +270,14 @@ class SimulationError(Exception):
         super().__init__(result.status.message)
 
 
+class Interrupted(KeyboardInterrupt):
+    """The user stopped a run. `result` holds everything up to the last time at which all groups are known."""
+
+    def __init__(self, result: Result) -> None:
+        self.result = result
+        super().__init__(result.status.message)
+
+
 def output_times(start: float, stop: float, interval: float | None) -> Floats:
     """`start`, every `interval` after it, and `stop`; 500 equal parts without an interval. Raises SettingError."""
     if stop <= start:

@@ -18,15 +18,28 @@ from hierc.version import __version__
 if TYPE_CHECKING:
     from hierc.grammar.problems import ModelError
     from hierc.loader import compile, load
+    from hierc.runtime.errors import SettingError
     from hierc.runtime.model import Model
-    from hierc.runtime.result import Result, SimulationError
+    from hierc.runtime.result import Interrupted, Result, SimulationError
 
-__all__ = ["Model", "ModelError", "Result", "SimulationError", "__version__", "compile", "load"]
+__all__ = [
+    "Interrupted",
+    "Model",
+    "ModelError",
+    "Result",
+    "SettingError",
+    "SimulationError",
+    "__version__",
+    "compile",
+    "load",
+]
 
 _HOMES = {
+    "Interrupted": "hierc.runtime.result",
     "Model": "hierc.runtime.model",
     "ModelError": "hierc.grammar.problems",
     "Result": "hierc.runtime.result",
+    "SettingError": "hierc.runtime.errors",
     "SimulationError": "hierc.runtime.result",
     "compile": "hierc.loader",
     "load": "hierc.loader",

@@ -155,7 +155,7 @@ def _is_value(value: object) -> bool:
 
 def _simulate(model: Model, arguments: Namespace) -> Result:
     from hierc.runtime.errors import SettingError
-    from hierc.runtime.result import SimulationError
+    from hierc.runtime.result import Interrupted, SimulationError
 
     settings = {name: getattr(arguments, name) for name in _SETTINGS if getattr(arguments, name) is not None}
     stop = settings.get("stop", model.plan.experiment.settings.get("stop"))
@@ -167,7 +167,7 @@ def _simulate(model: Model, arguments: Namespace) -> Result:
     with Progress(model.plan.name, start, stop, shown=not arguments.quiet) as progress:
         try:
             return model.simulate(**settings, progress=progress, announce=None if arguments.quiet else say)
-        except SimulationError as error:
+        except (SimulationError, Interrupted) as error:
             return error.result
         except SettingError as error:
             raise UsageError(str(error)) from error
