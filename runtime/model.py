@@ -5,19 +5,28 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime.contract import CONTRACT, Plan
 from hierc.runtime.errors import SettingError
-from hierc.runtime.result import Result, SimulationError
+from hierc.runtime.result import Interrupted, Result, SimulationError
 from hierc.runtime.run import Engine
 from hierc.runtime.system import System, parameter_vector
 
 Floats = NDArray[np.float64]
 _SETTINGS = {"start": 0.0, "rtol": 1e-6, "method": "auto", "max_step": math.inf, "min_step": 0.0}
+
+
+class ParameterValue(NamedTuple):
+    """A parameter as it stands: its value in the declared unit; `structural` if it is built into the code."""
+
+    value: float | Floats
+    unit: str | None
+    doc: str
+    structural: bool
 
 
 class Model:
@@ -29,6 +38,7 @@ class Model:
         file: str | None = None,
         params: Mapping[str, object] | None = None,
         engine: Engine | None = None,
+        built: Mapping[str, object] | None = None,
     ) -> None:
         if plan.contract != CONTRACT:
             raise ImportError(
@@ -38,14 +48,21 @@ class Model:
         self.plan = plan
         self.file = file
         self.params: dict[str, object] = dict(params or {})
+        #: Structural parameters that were given when the model was compiled.
+        self.built: dict[str, object] = dict(built or {})
         #: What runs of this plan share.
         self.engine = engine or Engine(plan)
 
-    def with_parameters(self, params: Mapping[str, object]) -> Model:
-        """The same model with other default parameters, by path. Raises SettingError for one that does not fit."""
+    def with_parameters(
+        self, params: Mapping[str, object], built: Mapping[str, object] | None = None
+    ) -> Model:
+        """The same model with other default parameters, by path; `built` tells of structural ones that went into its code.
+
+        Raises SettingError for one that does not fit.
+        """
         merged = {**self.params, **params}
         parameter_vector(self.plan, merged)
-        return Model(self.plan, self.file, merged, self.engine)
+        return Model(self.plan, self.file, merged, self.engine, {**self.built, **(built or {})})
 
     def system(self, params: Mapping[str, object] | None = None) -> System:
         """The equations in plain Python, for these parameters."""
@@ -54,6 +71,21 @@ class Model:
     @cached_property
     def _own(self) -> System:
         return self.system()
+
+    @property
+    def parameters(self) -> dict[str, ParameterValue]:
+        """All parameters by path, with their values as they stand."""
+        vector = self._own.parameters
+        result = {}
+        for p in self.plan.parameters:
+            numbers = vector[p.first : p.first + math.prod(p.shape)] / p.scale
+            value = float(numbers[0]) if not p.shape else numbers.reshape(p.shape)
+            result[p.path] = ParameterValue(value, p.unit, p.doc, p.structural)
+        return result
+
+    def __repr__(self) -> str:
+        groups = ", ".join(g.name for g in self.plan.groups)
+        return f"<Model {self.plan.name}: {len(self.states)} states in groups {groups}; {len(self.plan.parameters)} parameters>"
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -74,13 +106,21 @@ class Model:
         self, t: float, x: Sequence[float] | Floats, params: Mapping[str, object] | None = None
     ) -> Floats:
         """Derivatives (n,) of the states x (n,) at time t, SI: for `scipy.integrate.solve_ivp` and its like."""
-        return (self.system(params) if params else self._own).rhs(t, x)
+        return (self.system(params) if params else self._own).rhs(t, self._vector(x))
 
     def jacobian(
         self, t: float, x: Sequence[float] | Floats, params: Mapping[str, object] | None = None
     ) -> Floats:
         """d rhs/d x, shape (n, n)."""
-        return (self.system(params) if params else self._own).jacobian(t, x)
+        return (self.system(params) if params else self._own).jacobian(t, self._vector(x))
+
+    def _vector(self, x: Sequence[float] | Floats) -> Floats:
+        vector = np.asarray(x, np.float64)
+        if vector.shape != (self._own.size,):
+            raise ValueError(
+                f"{self.plan.name} has {self._own.size} states; got an array of shape {vector.shape}"
+            )
+        return vector
 
     def simulate(
         self,
@@ -101,8 +141,8 @@ class Model:
         """Integrate from `start` to `stop` (s), each group at its own step.
 
         What is left out is taken from the experiment, then from the defaults (rtol 1e-6, atol = rtol, method "auto"). `params` replaces
-        parameters by path. Raises SettingError for settings that do not fit, and SimulationError, with the partial result, if the run fails
-        or is interrupted.
+        parameters by path. Raises SettingError for settings that do not fit; SimulationError, with the partial result, if the run fails;
+        Interrupted, with the partial result too, on Ctrl-C.
         """
         given = {
             "stop": stop, "rtol": rtol, "atol": atol, "start": start, "method": method, "interval": interval,
@@ -121,8 +161,10 @@ class Model:
             finished,
             interval=chosen.get("interval"),
             settings=shown,
-            params={**self.params, **(params or {})},
+            params={**self.built, **self.params, **(params or {})},
         )
+        if finished.status.name == "INTERRUPTED":
+            raise Interrupted(result)
         if not finished.status.ok:
             raise SimulationError(result)
         return result

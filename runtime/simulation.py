@@ -24,6 +24,7 @@ from hierc.runtime.machine.program import Announce
 from hierc.runtime.methods.catalogue import METHODS
 from hierc.runtime.status import Status
 from hierc.runtime.system import System
+from hierc.runtime.track import Track
 from hierc.runtime.trajectory import GroupTrajectory
 
 if TYPE_CHECKING:
@@ -72,8 +73,8 @@ class Simulation:
         self.groups = self.memory.groups
         self.initial = system.initial(start)
         self._fill(self.memory.arrays)
-        self.tracks = [np.zeros(_ROOM * int(stride)) for stride in self.layout.strides]
-        self.groups["track"][: len(settings)] = [track.ctypes.data for track in self.tracks]
+        self.tracks = [Track(_ROOM * int(stride)) for stride in self.layout.strides]
+        self.groups["track"][: len(settings)] = [track.address for track in self.tracks]
         self.run = RecordArray(records.Run, 1)
         self.run["stop"][0], self.run["groups"][0] = stop, len(settings)
         # The first window lets every group take one step; later ones count steps.
@@ -150,11 +151,11 @@ class Simulation:
 
     def _grow(self, g: int) -> bool:
         """Twice the room for a group's segments; False where that is too much."""
-        if sum(t.nbytes for t in self.tracks) + self.tracks[g].nbytes > _MOST_BYTES:
+        track = self.tracks[g]
+        if sum(t.array.nbytes for t in self.tracks) + track.array.nbytes > _MOST_BYTES:
             return False
-        old = self.tracks[g]
-        self.tracks[g] = np.concatenate([old, np.zeros_like(old)])
-        self.groups["track"][g] = self.tracks[g].ctypes.data
+        track.grow(2 * len(track.array))
+        self.groups["track"][g] = track.address
         self.groups["capacity"][g] *= 2
         return True
 
@@ -170,7 +171,7 @@ class Simulation:
         for g, wiring in enumerate(self.wiring):
             n, method = wiring.form.states, METHODS[self.settings[g].method]
             count, stride = int(self.groups["count"][g]), int(self.groups["stride"][g])
-            table = self.tracks[g][: count * stride].reshape(count, stride)
+            table = self.tracks[g].array[: count * stride].reshape(count, stride)
             stats = {name: int(self.groups[name][g]) for name in _COUNTERS}
             result.append(
                 GroupTrajectory(

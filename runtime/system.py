@@ -270,6 +270,8 @@ def parameter_vector(plan: Plan, given: Mapping[str, object]) -> Floats:
 
 def _checked(parameter: Parameter, value: object) -> Floats:
     try:
+        if np.asarray(value).dtype.kind not in "biuf":
+            raise TypeError
         array = np.asarray(value, np.float64)
     except (TypeError, ValueError):
         raise SettingError(f"`{parameter.path}` is a number or an array of numbers, not {value!r}") from None

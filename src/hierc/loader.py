@@ -121,7 +121,8 @@ def run_module(text: str, name: str) -> ModuleType:
 
 def _with_values(model: Model, params: Mapping[str, Value]) -> Model:
     plain = {name: value for name, value in params.items() if name not in structural_names(model)}
-    return model.with_parameters(plain) if plain else model
+    built = {name: value for name, value in params.items() if name not in plain}
+    return model.with_parameters(plain, built) if params else model
 
 
 def structural_names(model: Model) -> frozenset[str]:
