@@ -1,0 +1,170 @@
+"""The language reference is true: its models compile and evaluate, its messages are those that hierc prints, its lists are complete."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hierc
+from hierc.compiler.diagram import diagram
+from hierc.compiler.driver import compile_source, model_of
+from hierc.compiler.model import Settings
+from hierc.compiler.shapes.functions import BUILT_IN_FUNCTIONS
+from hierc.explain import message_of, problems_of
+from hierc.grammar.source import SourceFile
+from hierc.graph import to_text
+from hierc.loader import run_module
+from hierc.runtime.methods.catalogue import METHODS
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "language.md"
+TEXT = DOCUMENT.read_text(encoding="utf-8")
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A fenced block of the document, by its kind and the heading it stands under."""
+
+    kind: str
+    text: str
+    heading: str
+    line: int
+
+    @property
+    def source(self) -> SourceFile:
+        return SourceFile("model.hier", self.text)
+
+
+def blocks() -> list[Block]:
+    found: list[Block] = []
+    for match in re.finditer(r"^```([a-z-]+)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL):
+        before = TEXT[: match.start()]
+        heading = re.findall(r"^## (.*)$", before, re.MULTILINE)[-1]
+        found.append(Block(match[1], match[2], heading, before.count("\n") + 1))
+    return found
+
+
+BLOCKS = blocks()
+MODELS = [block for block in BLOCKS if block.kind == "hier"]
+FAILING = [i for i, block in enumerate(BLOCKS) if block.kind == "hier-error"]
+
+
+def where(block: Block) -> str:
+    return f"{block.heading.replace(' ', '_')}-{block.line}"
+
+
+@pytest.mark.parametrize("block", MODELS, ids=where)
+def test_models_compile_without_warnings_and_evaluate(block: Block) -> None:
+    assert [problem.title() for problem in problems_of(block.source)] == []
+    model = run_module(compile_source(block.source).text, "model.hier").MODEL
+    rates = model.rhs(0.0, model.initial())
+    assert rates.size
+    assert np.isfinite(rates).all()
+
+
+@pytest.mark.parametrize("place", FAILING, ids=lambda place: where(BLOCKS[place]))
+def test_messages_are_what_hierc_prints(place: int, request: pytest.FixtureRequest) -> None:
+    block, shown = BLOCKS[place], BLOCKS[place + 1]
+    assert shown.kind == "text"
+    message = message_of(block.source) + "\n"
+    if request.config.getoption("--accept"):
+        _accept(block.text, shown.text, message)
+    else:
+        assert shown.text == message
+
+
+def test_the_graph_is_what_hierc_prints(request: pytest.FixtureRequest) -> None:
+    (shown,) = (block for block in BLOCKS if block.text.startswith("$ hierc graph tree.hier\n"))
+    model = next(block for block in MODELS if block.heading == shown.heading)
+    drawn = to_text(diagram(model_of(replace(model.source, name="tree.hier"))))
+    if request.config.getoption("--accept"):
+        _accept("", shown.text, f"$ hierc graph tree.hier\n{drawn}")
+    else:
+        assert shown.text == f"$ hierc graph tree.hier\n{drawn}"
+
+
+def _accept(before: str, old: str, new: str) -> None:
+    text = DOCUMENT.read_text(encoding="utf-8")
+    place = text.index(f"```text\n{old}```", text.index(before))
+    changed = text[:place] + f"```text\n{new}```" + text[place + len(f"```text\n{old}```") :]
+    DOCUMENT.write_text(changed, encoding="utf-8")
+
+
+# ---- lists ---------------------------------------------------------------------------------------
+
+
+def section(heading: str) -> str:
+    return TEXT.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+
+
+def first_cells(text: str) -> str:
+    """The first column of all tables."""
+    return "\n".join(line.split("|")[1] for line in text.splitlines() if line.startswith("|"))
+
+
+def test_every_function_is_listed() -> None:
+    names = set(re.findall(r"`(\w+)\(", first_cells(section("Functions"))))
+    assert names == set(BUILT_IN_FUNCTIONS)
+
+
+def test_every_setting_and_method_is_listed() -> None:
+    table = section("Experiments").partition("| statement |")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == {
+        field.name for field in fields(Settings)
+    }
+    (methods,) = (line for line in table.splitlines() if line.startswith("| `method`"))
+    assert set(re.findall(r"`(\w+)`", methods)) == {"method", "auto", *METHODS}
+
+
+def test_the_reserved_words_are_those_of_the_grammar() -> None:
+    grammar = (Path(__file__).parents[2] / "grammar" / "hier.lark").read_text(encoding="utf-8")
+    listed = section("Text").partition("reserved everywhere:")[2].partition(".")[0]
+    reserved = re.search(r"NAME    : /\(\?!\(\?:([a-z|]+)\)", grammar)
+    assert reserved is not None
+    assert re.findall(r"`(\w+)`", listed) == reserved[1].split("|")
+
+
+def test_every_section_is_in_the_contents() -> None:
+    headings = re.findall(r"^## (.*)$", TEXT, re.MULTILINE)
+    assert re.findall(r"^- \[(.*)\]\(#", TEXT, re.MULTILINE) == headings
+    anchors = {heading.lower().replace(" ", "-") for heading in headings}
+    assert set(re.findall(r"\]\(#([\w-]+)\)", TEXT)) <= anchors
+
+
+# ---- what is said in sentences -------------------------------------------------------------------
+
+
+def value(expression: str) -> float:
+    """An expression's value, computed by the generated code."""
+    model = hierc.load(f"agent A() {{ write real x = 0; diff {{ x' = {expression} + 0*x; }} }}")
+    return float(model.rhs(0.0, model.initial())[0])
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ("-2^2", -4), ("2^-1", 0.5), ("2^3^2", 512), ("1/2", 0.5), ("div(7, 2)", 3), ("div(-7, 2)", -4), ("mod(-7, 2)", 1),
+        ("mod(7, -2)", -1), ("mod(-0.5, 2)", 1.5), ("round(2.6)", 3), ("clamp(5, 0, 1)", 1), ("max([1, 7, 3])", 7),
+        ("1 [min]", 60), ("90 [deg]", np.pi / 2), ("50 [%]", 0.5), ("if not 1 < 2 or 2 < 1 then 1 else 2", 2),
+        ("6/3*2", 4), ("5 - 2 - 1", 2), ("sum([1, 2] .* [3, 4])", 11), ("det([[1, 2], [3, 4]])", -2),
+    ],
+)  # fmt: skip
+def test_expressions_mean_what_the_tables_say(expression: str, expected: float) -> None:
+    assert value(expression) == pytest.approx(expected, rel=1e-15)
+
+
+def test_structural_parameters_are_those_that_reach_a_size() -> None:
+    (block,) = (b for b in MODELS if b.heading == "Parameters and constants")
+    model = model_of(block.source)
+    assert [p.path for p in model.parameters if p.structural] == ["a.N", "b.N"]
+
+
+def test_results_are_named_by_path() -> None:
+    (block,) = (b for b in MODELS if b.heading == "Experiments")
+    model = run_module(compile_source(block.source).text, "model.hier").MODEL
+    assert {variable.path for variable in model.plan.variables} >= {"a.y", "a.slope", "b.y", "b.slope"}
+    assert model.initial()[model.states.index("a.y")] == 0.5
+    assert set(model.plan.experiment.record) == {"a.y", "b.y", "b.slope"}
