@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 
+from hierc.compiler.diagram import by_owner
 from hierc.compiler.expression import Number
 from hierc.compiler.formula import Formulas, number_text, parameter_names, source_name
 from hierc.compiler.model import Model, Node, Settings
@@ -138,9 +139,6 @@ def dump_cascade(model: Model) -> str:
 
 def _reads(model: Model, node: Node, group_of: Mapping[int, str]) -> Iterator[str]:
     yield f"   {node.path or model.name} ({node.template})"
-    by_owner: dict[int, list[str]] = {}
-    for source in node.inputs:
-        by_owner.setdefault(source.node, []).append(source_name(model, source))
-    for owner, names in by_owner.items():
+    for owner, sources in by_owner(node.inputs).items():
         same = group_of.get(owner) == group_of.get(node.id)
-        yield f"      {'uses ' if same else 'reads'} {', '.join(names)}"
+        yield f"      {'uses ' if same else 'reads'} {', '.join(source_name(model, s) for s in sources)}"
