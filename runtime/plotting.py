@@ -1,11 +1,16 @@
-"""Plots of results: a panel a group, drawn without any state outside the figure. The only module of the runtime that knows matplotlib."""
+"""Plots of results: panels by group, and in a group by unit, drawn without any state outside the figure.
+
+The only module of the runtime that knows matplotlib.
+"""
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hierc.runtime.files import write_whole
 
@@ -15,55 +20,86 @@ if TYPE_CHECKING:
 
     from hierc.runtime.result import Result
 
+Floats = NDArray[np.float64]
+#: A scalar's name and its values over the output times.
+_Line = tuple[str, Floats]
+
 #: Kinds of files that can be written.
 SUFFIXES = (".png", ".pdf", ".svg")
 #: More lines than this in a panel cannot be told apart.
 _MOST_LINES = 12
+#: Inches: of a figure without its panels, of a panel, and the most, which keeps a picture within what files can hold.
+_MARGIN, _PANEL, _MOST = 0.7, 2.0, 200.0
+
+
+def require_matplotlib() -> None:
+    """Raise ImportError, with what to do, where there is no matplotlib."""
+    if find_spec("matplotlib") is None:
+        raise ImportError("plots need matplotlib: pip install matplotlib")
 
 
 def draw(result: Result, path: Path | None, names: list[str] | None) -> Figure:
-    """Draw `names` in one panel, or what is recorded in a panel a group. Raises ImportError, KeyError, OSError, ValueError."""
+    """Draw `names`, or what is recorded by group, a panel a unit. Raises ImportError, KeyError, OSError, ValueError."""
     if path is not None and path.suffix not in SUFFIXES:
         raise ValueError(f"cannot draw to `{path.name}`: plots are {', '.join(SUFFIXES)} files")
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise ImportError('plots need matplotlib: pip install "hierc[plot]"') from None
-    panels = result.panels() if names is None else {result.model: names}
-    figure = Figure(figsize=(9.0, 1.2 + 2.2 * len(panels)), layout="constrained")
+    require_matplotlib()
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    groups = result.panels() if names is None else {result.model: names}
+    panels = [
+        (title if i == 0 else "", unit, lines)
+        for title, chosen in groups.items()
+        for i, (unit, lines) in enumerate(_by_unit(result, chosen).items())
+    ] or [(result.model, None, [])]
+    figure = Figure(figsize=(9.0, min(_MARGIN + _PANEL * len(panels), _MOST)), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)
-    for axis, (title, chosen) in zip(axes[:, 0], panels.items(), strict=True):
-        _panel(axis, result, title, chosen)
-    axes[-1, 0].set_xlabel("time [s]")
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, (title, unit, lines) in zip(axes, panels, strict=True):
+        _panel(axis, result.t, title, unit, lines)
+    axes[-1].set_xlabel("time [s]")
+    figure.align_ylabels(axes)
     if path is not None:
         _save(figure, path)
     return figure
 
 
-def _panel(axis: Axes, result: Result, title: str, names: list[str]) -> None:
+def _by_unit(result: Result, names: list[str]) -> dict[str | None, list[_Line]]:
+    """The scalars to draw by their unit, in the order of names."""
     units = result.units
-    columns = [
-        (name, _label(column, units.get(name) or units.get(name.rpartition("[")[0])), values)
-        for name in names
-        for column, values in result.columns([name]).items()
-    ]
-    for _, label, values in columns[:_MOST_LINES]:
-        axis.plot(result.t, values, label=label, linewidth=1.2)
-    hidden = len(columns) - _MOST_LINES
-    axis.set_title(
-        _plain(title) + (f" (and {hidden} more)" if hidden > 0 else ""), loc="left", fontsize="medium"
-    )
+    found: dict[str | None, list[_Line]] = {}
+    for name in names:
+        unit = units.get(name) or units.get(name.rpartition("[")[0])
+        found.setdefault(unit, []).extend(result.columns([name]).items())
+    return found
+
+
+def _panel(axis: Axes, t: Floats, title: str, unit: str | None, lines: list[_Line]) -> None:
+    for name, values in lines[:_MOST_LINES]:
+        axis.plot(t, values, label=_label(name), linewidth=1.2)
+    if len(lines) > _MOST_LINES:
+        axis.plot([], [], " ", label=f"and {len(lines) - _MOST_LINES} more")
+    if title:
+        axis.set_title(_plain(title), loc="left", fontsize="medium", fontweight="bold")
+    if unit is not None:
+        axis.set_ylabel(_plain(f"[{unit}]"))
     axis.grid(visible=True, alpha=0.3)
     axis.margins(x=0.0)
-    axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize="small", frameon=False)
-    if not any(np.isfinite(values).any() for _, _, values in columns):
-        axis.text(0.5, 0.5, "no finite values", transform=axis.transAxes, ha="center")
+    axis.ticklabel_format(axis="y", useOffset=False)
+    if lines:
+        axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize="small", frameon=False)
+    if not any(np.isfinite(values).any() for _, values in lines):
+        axis.text(
+            0.5,
+            0.5,
+            "no finite values" if lines else "nothing recorded",
+            transform=axis.transAxes,
+            ha="center",
+        )
 
 
-def _label(name: str, unit: str | None) -> str:
-    return " " + _plain(name + (f" [{unit}]" if unit else ""))  # matplotlib hides labels that begin with `_`
+def _label(name: str) -> str:
+    return " " + _plain(name)  # matplotlib hides labels that begin with `_`
 
 
 def _plain(text: str) -> str:

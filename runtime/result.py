@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, overload
+from typing import Protocol, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +27,10 @@ Floats = NDArray[np.float64]
 PARTS = 500
 #: More output times than this are taken for a mistake in `interval`.
 MOST_TIMES = 5_000_000
+#: What the output times are called, here and in files.
+TIME = "time"
+#: By how much, relative to the times of the run, a time may lie outside: what rounding does to a time that was computed.
+_ROUNDING = 1e-12
 
 _ELEMENT = re.compile(r"(?P<path>.*)\[(?P<indices>\d+(?:,\d+)*)\]")
 
@@ -78,11 +82,22 @@ class GroupStats:
     step_max: float
 
 
+V = TypeVar("V")
+
+
+class _ByGroup(dict[str, V]):
+    """Something for each group; an unknown group is explained."""
+
+    def __missing__(self, group: str) -> V:
+        raise KeyError(_unknown("group", group, self))
+
+
 class Result:
     """Values, steps and counters of one run.
 
     `r["cart.x"]` is an array over `r.t`; a vector has shape (len(r.t), n), an element is named `plan.p[1]`. `r("cart.x", t)` is the value
-    at a number or an array of times. Names are those of the model, private variables included. Values are in the declared units.
+    at a number or an array of times. Names are those of the model, private variables included, and `time`. Values are in the declared
+    units; the arrays cannot be written to, as they are shared.
     """
 
     def __init__(
@@ -95,10 +110,10 @@ class Result:
     ) -> None:
         self._run = run
         self._variables = {v.path: v for v in run.plan.variables}
-        self._values: dict[str, Floats] = {}
-        self._stats: dict[str, GroupStats] | None = None
+        self._stats: _ByGroup[GroupStats] | None = None
         #: Output times, s: every `interval` from the start, and the end.
-        self.t: Floats = output_times(run.start, run.t_reached, interval)
+        self.t: Floats = _shared(output_times(run.start, run.t_reached, interval))
+        self._values: dict[str, Floats] = {TIME: self.t}
         #: The settings the run used, defaults included.
         self.settings: Mapping[str, object] = settings
         #: The parameters that were set for this run, by path.
@@ -147,18 +162,16 @@ class Result:
 
     @property
     def stats(self) -> dict[str, GroupStats]:
-        """Counters and step sizes of each group, in cascade order."""
+        """Counters and step sizes of each group, in cascade order. Raises KeyError for an unknown group."""
         if self._stats is None:
             sizes = group_sizes(self._run.plan)
-            self._stats = {g.name: _statistics(g, sizes[g.name]) for g in self._run.groups}
+            self._stats = _ByGroup({g.name: _statistics(g, sizes[g.name]) for g in self._run.groups})
         return self._stats
 
     def steps(self, group: str) -> tuple[Floats, Floats]:
         """Start times and sizes, s, of the steps a group took. Raises KeyError for an unknown group."""
-        for trajectory in self._run.groups:
-            if trajectory.name == group:
-                return trajectory.knots[:-1], np.diff(trajectory.knots)
-        raise KeyError(_unknown("group", group, [g.name for g in self._run.groups]))
+        knots = _ByGroup({g.name: g.knots for g in self._run.groups})[group]
+        return knots[:-1], np.diff(knots)
 
     def __getitem__(self, name: str) -> Floats:
         """Values at the output times: (len(t),), or (len(t), n) for a vector. Raises KeyError for an unknown name."""
@@ -184,35 +197,49 @@ class Result:
         """Value of a variable at any time, or at an array of times, by dense output.
 
         A scalar variable at one time gives a float, otherwise an array of shape (*t.shape, *variable.shape). Raises KeyError for an
-        unknown name and ValueError for times outside the run.
+        unknown name and ValueError for times outside the run, by more than rounding.
         """
         path, element = self._find(name)
-        times = np.asarray(t, dtype=np.float64)
-        if times.size and not (self.start <= times.min() and times.max() <= self.t_reached):
-            raise ValueError(f"times must lie within the run, from {self.start!r} to {self.t_reached!r} s")
-        values = np.asarray(self._run.evaluate([path], times.ravel())[path])
+        times = self._inside(np.asarray(t, dtype=np.float64))
+        values = (
+            times.ravel() if path == TIME else np.asarray(self._run.evaluate([path], times.ravel())[path])
+        )
         if element is not None:
             values = _select(values, element)
         values = values.reshape(times.shape + values.shape[1:])
         return float(values) if values.ndim == 0 else values
+
+    def _inside(self, times: Floats) -> Floats:
+        """The times, those that rounding has put outside the run moved to its ends. Raises ValueError."""
+        slack = _ROUNDING * max(abs(self.start), abs(self.t_reached))
+        outside = ~((times >= self.start - slack) & (times <= self.t_reached + slack))
+        if outside.any():
+            t = float(times[outside][0])
+            raise ValueError(
+                f"t = {t!r} s is outside the run, which goes from {self.start!r} to {self.t_reached!r} s"
+            )
+        return np.clip(times, self.start, self.t_reached)
 
     def fetch(self, paths: Iterable[str]) -> None:
         """Compute variables at the output times at once, which is quicker than one by one."""
         missing = [path for path in paths if path not in self._values]
         if missing:
             found = self._run.evaluate(missing, self.t)
-            self._values.update({path: np.asarray(found[path]) for path in missing})
+            self._values.update({path: _shared(np.asarray(found[path])) for path in missing})
 
     def columns(self, names: Iterable[str] | None = None) -> dict[str, Floats]:
-        """One array over `t` a scalar, vectors split into their elements: what a table shows (default: what is recorded)."""
-        chosen = list(self.recorded if names is None else names)
-        self.fetch(dict.fromkeys(self._find(name)[0] for name in chosen))
+        """One array over `t` a scalar, vectors split into their elements: what a table shows (default: what is recorded) beside `time`."""
         table: dict[str, Floats] = {}
-        for name in chosen:
-            values = self[name]
+        for name, values in self._chosen(names).items():
             for index in np.ndindex(values.shape[1:]):
                 table[name + _subscript(index)] = _select(values, index)
         return table
+
+    def _chosen(self, names: Iterable[str] | None) -> dict[str, Floats]:
+        """The variables that stand beside `time` in a file, computed at once."""
+        chosen = [name for name in (self.recorded if names is None else names) if name != TIME]
+        self.fetch(dict.fromkeys(self._find(name)[0] for name in chosen))
+        return {name: self[name] for name in chosen}
 
     def panels(self) -> dict[str, list[str]]:
         """The recorded names by the group that integrates them; what belongs to no group stands under the model's name."""
@@ -234,12 +261,12 @@ class Result:
         """Write arrays `time` and one a variable, named by their paths, for `numpy.load`. Raises OSError, KeyError."""
         from hierc.runtime.writers import write_npz
 
-        chosen = list(self.recorded if names is None else names)
-        self.fetch(dict.fromkeys(self._find(name)[0] for name in chosen))
-        write_npz(Path(path), self.t, {name: self[name] for name in chosen})
+        write_npz(Path(path), self.t, self._chosen(names))
 
     def plot(self, path: str | Path | None = None, names: Iterable[str] | None = None) -> object:
-        """Draw a panel a group (or one panel of `names`), write it to a `.png`, `.pdf` or `.svg` if asked, and return the figure.
+        """Draw what is recorded, by group, or `names`, with an axis for each unit; returns the figure.
+
+        With a path it is also written, as `.png`, `.pdf` or `.svg`.
 
         Needs matplotlib. Raises ImportError without it, KeyError, OSError, ValueError for another kind of file.
         """
@@ -253,7 +280,7 @@ class Result:
 
     def _find(self, name: str) -> tuple[str, tuple[int, ...] | None]:
         """The variable's path, and the element's indices from 0 where the name has subscripts."""
-        if name in self._variables:
+        if name in self._variables or name == TIME:
             return name, None
         match = _ELEMENT.fullmatch(name)
         variable = self._variables.get(match["path"]) if match else None
@@ -319,6 +346,13 @@ def _statistics(group: GroupTrajectory, states: int) -> GroupStats:
         step_median=float(middle),
         step_max=float(high),
     )
+
+
+def _shared(values: Floats) -> Floats:
+    """The same values, for reading only."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
 
 
 def _select(values: Floats, element: tuple[int, ...]) -> Floats:

@@ -150,10 +150,36 @@ def test_dense_values_follow_the_shape_of_the_times() -> None:
     assert r("cart.x", []).shape == (0,)
 
 
-@pytest.mark.parametrize("t", [-0.1, 2.1, math.nan, [0.0, 3.0]])
-def test_times_outside_the_run_are_refused(t: float | list[float]) -> None:
-    with pytest.raises(ValueError, match=r"from 0.0 to 2.0 s"):
+@pytest.mark.parametrize(
+    ("t", "named"),
+    [(-0.1, "-0.1"), (2.1, "2.1"), (math.nan, "nan"), ([0.0, 3.0], "3.0"), (2 + 1e-9, "2.000000001")],
+)
+def test_times_outside_the_run_are_refused(t: float | list[float], named: str) -> None:
+    with pytest.raises(ValueError, match=rf"t = {named} s .* from 0.0 to 2.0 s"):
         a_result()("cart.x", t)
+
+
+def test_times_that_rounding_put_outside_are_the_end() -> None:
+    r = a_result(FakeRun(stop=0.3, t_reached=0.3), interval=0.1)
+    assert 0.1 * 3 > 0.3
+    assert r("cart.x", 0.1 * 3) == math.sin(0.3)
+    assert r("cart.x", [0.0, 0.1 * 3]).tolist() == [0.0, math.sin(0.3)]
+
+
+def test_values_are_for_reading() -> None:
+    r = a_result()
+    for values in (r.t, r["time"], r["cart.x"], r["plan.p[1]"], r.columns()["cart.M[1,1]"]):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 99.0
+
+
+def test_time_is_a_name() -> None:
+    r = a_result()
+    assert "time" in r
+    assert r["time"].tolist() == r.t.tolist()
+    assert r("time", 0.25) == 0.25
+    assert r("time", [[0.25], [0.5]]).tolist() == [[0.25], [0.5]]
+    assert list(r.columns(["time", "cart.x"])) == ["cart.x"]  # a table has it anyway
 
 
 @pytest.mark.parametrize(
@@ -202,6 +228,8 @@ def test_statistics_of_each_group() -> None:
     assert sizes.sum() == pytest.approx(2.0)
     with pytest.raises(KeyError, match="did you mean `dyn`"):
         r.steps("dynn")
+    with pytest.raises(KeyError, match="did you mean `dyn`"):
+        r.stats["dynn"]
 
 
 def test_a_run_that_failed_at_once_still_has_its_start() -> None:
