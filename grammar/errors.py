@@ -215,6 +215,41 @@ class MisplacedUnit(Problem):
 
 
 @dataclass(frozen=True)
+class OnlyNamesIndexed(Problem):
+    code = "E120"
+    explanation = "An index stands after a name. What an expression or a call gives has its elements once it has a name."
+
+    index: str
+
+    def title(self) -> str:
+        return "only names can be indexed"
+
+    def help(self) -> tuple[str, ...]:
+        return (f"name the value first: `let y = …;`, then `y[{self.index}]`",)
+
+
+@dataclass(frozen=True)
+class SecondDerivative(Problem):
+    code = "E121"
+    explanation = (
+        "Equations are of first order: `x'` is the derivative of a state, and the derivative of `x'` is that of another state, the one "
+        "that `x'` equals."
+    )
+
+    name: str
+    right: str | None  # of the equation whose left side this is
+
+    def title(self) -> str:
+        return "there are no second derivatives"
+
+    def help(self) -> tuple[str, ...]:
+        rate = "v" if self.name == "x" else f"{self.name}_rate"
+        if self.right is None:
+            return (f"write `{rate}'`, where `{rate}` is a state and `{self.name}' = {rate};`",)
+        return (f"write `{self.name}' = {rate}; {rate}' = {self.right};`, with a second state `{rate}`",)
+
+
+@dataclass(frozen=True)
 class ChainedComparison(Problem):
     code = "E116"
     explanation = "A comparison is true or false, and truth is not compared with a number."

@@ -9,20 +9,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from lark import Token, Tree
 
-from hierc.grammar import errors, words
+from hierc.grammar import errors, habits, words
 from hierc.grammar.problems import Problem, closest
-from hierc.grammar.situation import CLOSERS, Repair, Situation, span_of
+from hierc.grammar.situation import CLOSERS, Repair, Rule, Situation, general, on_to_the_brace, span_of
 from hierc.grammar.source import SourceFile, Span
 from hierc.grammar.words import END, JUNK
 
 LARGEST_INT = 2**53  # from it on a float no longer tells neighbouring integers apart
-
-
-Rule = Callable[[Situation], Repair | None]
 
 
 def choose(at: Situation) -> Repair:
@@ -30,7 +27,7 @@ def choose(at: Situation) -> Repair:
     for rule in RULES:
         if repair := rule(at):
             return repair
-    return Repair(_general(at), None, at.start)
+    return Repair(general(at), None, at.start)
 
 
 def literal_problems(source: SourceFile, token: Token) -> Iterator[Problem]:
@@ -42,17 +39,6 @@ def literal_problems(source: SourceFile, token: Token) -> Iterator[Problem]:
 
 
 # ---- characters and literals --------------------------------------------------------------------
-
-_OTHER_SIGNS = {
-    "&&": "write `and`",
-    "||": "write `or`",
-    "&": "write `and`",
-    "|": "write `or`",
-    "!": "write `not`",
-    "%": "write `mod(a, b)`",
-    "#": "comments begin with `//`",
-    "\\": "division is written `/`",
-}
 
 
 def _unclosed_string(at: Situation) -> Repair | None:
@@ -70,14 +56,10 @@ def _strange_characters(at: Situation) -> Repair | None:
         return None
     if at.found.isalpha():
         return _strange_name(at)
-    match = at.matched(r"&&|\|\||[^\x21-\x7e\s\w]+|.")
+    match = at.matched(r"[^\x21-\x7e\s\w]+|.")
     stop = match.end() if match else at.stop
     text = at.source.text[at.start : stop]
-    advice = (_OTHER_SIGNS[text],) if text in _OTHER_SIGNS else ()
-    problem = errors.UnexpectedCharacter(Span(at.source, at.start, stop), text, advice)
-    if text in _OTHER_SIGNS and at.fits("ADD"):
-        return Repair(problem, ("ADD",), stop, sure=True)
-    return Repair(problem, (), stop)
+    return Repair(errors.UnexpectedCharacter(Span(at.source, at.start, stop), text), (), stop)
 
 
 def _strange_name(at: Situation) -> Repair:
@@ -107,52 +89,6 @@ def _number_without_digit(at: Situation) -> Repair | None:
             return None
         place = Span(at.source, previous.start_pos or 0, match.end())
         return Repair(errors.NumberWithoutDigit(place, place.text, False), (), place.stop, sure=True)
-    return None
-
-
-# ---- habits of other languages ------------------------------------------------------------------
-
-_MODELICA = {
-    "connect": "write a coupling where the agent is used: `agent b = B() [input := a.output];`",
-    "extends": "write the other agent's text here, or contain it: `agent part = Part();`",
-    "der": "write `x' = …;` under `diff`",
-    "equation": "write equations under `diff { … }` and `alge { … }`",
-    "model": "write `agent Name() { … }`",
-    "parameter": "write parameters in parentheses: `agent Name(real k = 1) { … }`",
-}
-_CHARON = {
-    "readWrite": "declare it `write` in one agent, `read` in the others",
-    "chan": "couple agents by `[input := a.output]`",
-}
-
-
-def _derivative_call(at: Situation) -> Repair | None:
-    previous = at.previous
-    if previous is None or previous not in ("d", "der") or not at.fits("PRIME", "_EQUAL"):
-        return None
-    match = at.matched(r"(d|der)\s*\(\s*([A-Za-z_]\w*)\s*\)\s*==?", previous.start_pos)
-    if match is None:
-        return None
-    place = Span(at.source, *match.span())
-    if previous == "d":
-        return Repair(errors.CharonDerivative(place, match[2]), ("PRIME", "_EQUAL"), match.end(), sure=True)
-    problem = errors.ModelicaForm(place, "der", f"write `{match[2]}' = …;`")
-    return Repair(problem, ("PRIME", "_EQUAL"), match.end(), sure=True)
-
-
-def _foreign_word(at: Situation) -> Repair | None:
-    previous = at.previous
-    begins = previous is None or previous.type in ("SEMICOLON", "LBRACE", "RBRACE")
-    word = str(at.found)
-    if not begins and word != "extends":
-        return None
-    if word in ("entry", "exit"):
-        return Repair(errors.CharonControlPoint(at.place), None, at.start)
-    if word in _MODELICA:
-        problem = errors.ModelicaForm(at.place, word, _MODELICA[word])
-        return _on_to_the_brace(at, problem) or Repair(problem, None, at.start)
-    if word in _CHARON:
-        return Repair(errors.CharonForm(at.place, word, _CHARON[word]), None, at.start)
     return None
 
 
@@ -188,25 +124,37 @@ def _primes(at: Situation) -> Repair | None:
         return None
     if at.found.type == "_EQUAL" and at.fits("PRIME", "_EQUAL"):
         advice = (f"write `{previous}' = …;`", "an equation without a derivative belongs under `alge`")
-        return Repair(_general(at, advice, expected="`'`"), ("PRIME",), at.start)
+        return Repair(general(at, advice, expected="`'`"), ("PRIME",), at.start)
     if at.found.type == "PRIME" and at.fits("_EQUAL") and at.matched(r"'\s*="):
-        return Repair(_general(at, ("derivatives belong under `diff`",)), (), at.stop)
+        return Repair(general(at, ("derivatives belong under `diff`",)), (), at.stop)
     return None
 
 
-def _power_sign(at: Situation) -> Repair | None:
-    previous = at.previous
-    if previous is None or not previous == at.found == "*" or previous.end_pos != at.start:
+def _misplaced_brackets(at: Situation) -> Repair | None:
+    """An index or a unit after an expression in parentheses, a call or a list."""
+    if at.previous is None or at.previous.type not in ("RPAR", "RSQB", "PRIME", "TIME", "BOOL"):
         return None
-    return Repair(_general(at, ("a power is written `^`",)), (), at.stop, sure=True)
+    match = at.matched(r"\[([^\[\]\n;=]*)\]")
+    if match is None or at.fits(at.found.type):
+        return None
+    place = Span(at.source, *match.span())
+    if _is_index(at, match[1].strip()):
+        return Repair(errors.OnlyNamesIndexed(place, match[1].strip()), (), match.end(), sure=True)
+    if at.found.type != "UNIT" or "," in match[1]:
+        return None
+    return Repair(errors.MisplacedUnit(place), (), match.end(), sure=True)
 
 
-def _misplaced_unit(at: Situation) -> Repair | None:
-    if at.found.type != "UNIT" or at.previous is None:
-        return None
-    if at.previous.type not in ("RPAR", "RSQB", "PRIME", "TIME", "BOOL") or re.search(r":=|,|=", at.found):
-        return None
-    return Repair(errors.MisplacedUnit(at.place), (), at.stop, sure=True)
+def _is_index(at: Situation, inside: str) -> bool:
+    """Whether brackets are meant to hold an index: a number, a range, or a name that counts somewhere in the text."""
+    if re.fullmatch(r"\d+([,:.+*-].*)?|\w+\s*(,|\+|-|:|\.\.).*", inside):
+        return True
+    if not re.fullmatch(r"[A-Za-z_]\w*", inside):
+        return False
+    counts = re.search(rf"\b(for|int)\s+{inside}\b", at.source.text) is not None
+    return counts or (
+        inside in ("i", "j", "k") and at.previous is not None and at.previous.end_pos == at.start
+    )
 
 
 _FACTOR = r"(?:1|%|[A-Za-zµΩ°]+)(?:\^-?[0-9.]+)?"
@@ -323,7 +271,9 @@ def _missing_semicolon(at: Situation) -> Repair | None:
     if previous is None or not at.fits("SEMICOLON"):
         return None
     last = previous.end_pos or 0
-    ends = at.found.type in ("RBRACE", END) or at.is_word or "\n" in at.source.text[last : at.start]
+    begins_equation = at.found.type == "NAME" and at.matched(r"\w+(\[[^\]\n]*\])?\s*('|=(?!=)|:=)")
+    on_a_new_line = "\n" in at.source.text[last : at.start]
+    ends = at.found.type in ("RBRACE", END) or at.is_word or on_a_new_line or begins_equation
     if not ends or not at.reach(("SEMICOLON",), at.start):
         return None
     return Repair(errors.MissingSemicolon(Span(at.source, last, last)), ("SEMICOLON",), at.start)
@@ -335,7 +285,7 @@ def _misspelt_word(at: Situation) -> Repair | None:
     accepted = {word: terminal for word, terminal in at.vocabulary.items() if terminal in at.accepts}
     if (word := closest(str(at.found), accepted)) is None:
         return None
-    return Repair(_general(at, (f"did you mean `{word}`?",)), (accepted[word],), at.stop)
+    return Repair(general(at, (f"did you mean `{word}`?",)), (accepted[word],), at.stop)
 
 
 # ---- the general form ---------------------------------------------------------------------------
@@ -369,46 +319,22 @@ def _left_out(at: Situation) -> Repair | None:
         changes.append(((), at.stop))
     insert, resume = max(changes, key=lambda change: at.reach(*change))
     if not at.reach(insert, resume):
-        return _on_to_the_brace(at, _general(at))
+        return on_to_the_brace(at, general(at))
     if resume == at.stop:
         return _in_excess(at, sure=False)
     bracket = at.innermost(CLOSERS[insert[0]]) if insert[0] in CLOSERS else None
     advice = ("write `()` where there is nothing to give",) if insert == ("LPAR", "RPAR") else ()
-    return Repair(_general(at, advice, bracket), insert, resume)
-
-
-def _on_to_the_brace(at: Situation, problem: Problem) -> Repair | None:
-    """Where a block must begin and does so further along the line, what stands between is left out."""
-    ahead = at.matched(r"[^\n{};]*(?=\{)")
-    if ahead is None or not at.fits("LBRACE"):
-        return None
-    return Repair(problem, (), ahead.end(), sure=True)
-
-
-def _general(
-    at: Situation, advice: tuple[str, ...] = (), bracket: Token | None = None, expected: str = ""
-) -> Problem:
-    """`expected … after …, found …`."""
-    return errors.UnexpectedToken(
-        at.place,
-        expected or words.expected(at.accepts),
-        "" if at.previous is None else str(at.previous),
-        words.found(at.found.type, at.found),
-        advice,
-        None if bracket is None else span_of(at.source, bracket),
-    )
+    return Repair(general(at, advice, bracket), insert, resume)
 
 
 RULES: tuple[Rule, ...] = (
     _unclosed_string,
+    *habits.RULES,
     _strange_characters,
     _number_without_digit,
-    _derivative_call,
-    _foreign_word,
     _equals_signs,
     _primes,
-    _power_sign,
-    _misplaced_unit,
+    _misplaced_brackets,
     _half_a_unit,
     _chained_comparison,
     _unclosed_at_end,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from lark import Token, Tree
 
+from hierc.grammar import errors, words
 from hierc.grammar.problems import Problem
 from hierc.grammar.source import SourceFile, Span
 
@@ -106,3 +107,29 @@ def span_of(source: SourceFile, token: Token) -> Span:
     """The span of a token of the text."""
     start = token.start_pos or 0  # None only in tokens made by hand
     return Span(source, start, start + len(token))
+
+
+#: One way to mend a text; None where it does not apply.
+Rule = Callable[[Situation], Repair | None]
+
+
+def general(
+    at: Situation, advice: tuple[str, ...] = (), bracket: Token | None = None, expected: str = ""
+) -> Problem:
+    """`expected … after …, found …`."""
+    return errors.UnexpectedToken(
+        at.place,
+        expected or words.expected(at.accepts),
+        "" if at.previous is None else str(at.previous),
+        words.found(at.found.type, at.found),
+        advice,
+        None if bracket is None else span_of(at.source, bracket),
+    )
+
+
+def on_to_the_brace(at: Situation, problem: Problem) -> Repair | None:
+    """Where a block must begin and does so further along the line, what stands between is left out."""
+    ahead = at.matched(r"[^\n{};]*(?=\{)")
+    if ahead is None or not at.fits("LBRACE"):
+        return None
+    return Repair(problem, (), ahead.end(), sure=True)
