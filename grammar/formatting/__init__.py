@@ -5,15 +5,22 @@ In: a source file. Out: its text laid out anew, with the same tree and the same 
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import fields
 
 from hierc.grammar import tree
 from hierc.grammar.formatting.layout import layout
 from hierc.grammar.formatting.statements import Printer
 from hierc.grammar.parser import parse
+from hierc.grammar.recovery import DEEPEST
 from hierc.grammar.source import SourceFile
 
 WIDTH = 100
+
+#: Five for each of the operators between two brackets, and some.
+CALLS_A_LEVEL = 50
 
 
 class UnsafeFormat(Exception):
@@ -40,7 +47,20 @@ def format_source(source: SourceFile, width: int = WIDTH) -> str:
 
 
 def _laid_out(file: tree.File, width: int) -> str:
-    return layout(Printer(file.source.text).file(file), width)
+    with _calls_as_deep_as_trees():
+        doc = Printer(file.source.text).file(file)
+    return layout(doc, width)
+
+
+@contextmanager
+def _calls_as_deep_as_trees() -> Iterator[None]:
+    """Room for the calls of the printer, which follow the nesting of a text; the parser sets that a limit."""
+    limit = sys.getrecursionlimit()
+    sys.setrecursionlimit(limit + DEEPEST * CALLS_A_LEVEL)
+    try:
+        yield
+    finally:
+        sys.setrecursionlimit(limit)
 
 
 def _remarks(file: tree.File) -> list[list[str]]:

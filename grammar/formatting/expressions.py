@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar, assert_never
 
 from hierc.grammar import tree
-from hierc.grammar.formatting.layout import Concat, Doc, Group, Indent, Line, Wrap, concat, spaced
+from hierc.grammar.formatting.layout import Doc, Group, Indent, Line, Wrap, concat, is_forced, spaced
 from hierc.grammar.formatting.trivia import Piece, Tokens
 
 T = TypeVar("T")
@@ -53,7 +53,8 @@ class ExpressionPrinter:
         """`[1,2]`, with spaces where an index has spaces: `[i - 1, j]`."""
         if not subs:
             return ""
-        gap = " " if any(isinstance(sub, tree.Binary | tree.Cond) for sub in subs) else ""
+        ends = [e for sub in subs for e in ((sub.first, sub.last) if isinstance(sub, tree.Range) else (sub,))]
+        gap = " " if any(isinstance(end, tree.Binary | tree.Cond) for end in ends) else ""
         parts = [self.tokens.take("[")]
         for i, sub in enumerate(subs):
             comma = concat(self.tokens.take(","), gap) if i else ""
@@ -120,11 +121,14 @@ class ExpressionPrinter:
                 break
             chain.append(left)
         chain.reverse()
-        parts = [self.expr(chain[0].left)]
-        parts += [self._operation(link, tight and level == _SUM) for link in chain]
-        if isinstance(expr.right, tree.ListExpr) and expr.op in _TIGHT:
-            return self._ending_in_list(parts)
-        return Indent(Group(Concat(tuple(parts))))
+        first = self.expr(chain[0].left)
+        others = [self._operation(link, tight and level == _SUM) for link in chain]
+        if (
+            isinstance(expr.right, tree.ListExpr) and expr.op in _TIGHT
+        ):  # `w*[a, b]`: only the list's lines end
+            last = others.pop()
+            return concat(Group(concat(first, Indent(concat(*others)))), last.flat, last.item)
+        return Group(concat(first, Indent(concat(*others))))
 
     def _operation(self, link: tree.Binary, tight: bool) -> Wrap:
         """An operator and its right operand, as what follows in a chain."""
@@ -133,12 +137,6 @@ class ExpressionPrinter:
         op = self.tokens.take(link.op)
         kept = kept or self.tokens.break_ahead
         return Wrap(gap, concat(op, gap, self.expr(link.right)), kept)
-
-    def _ending_in_list(self, parts: list[Doc]) -> Doc:
-        """`w*[a, b]`: only the list's own lines end."""
-        last = parts.pop()
-        assert isinstance(last, Wrap)
-        return concat(Indent(Group(concat(*parts))), last.flat, last.item)
 
     def _cond(self, expr: tree.Cond) -> Doc:
         """`if a then b else if c then d else e`, each choice a line of its own if need be."""
@@ -167,10 +165,13 @@ class ExpressionPrinter:
 
     def defined(self, head: Doc, sign: str, value: tree.Expr) -> Doc:
         """`head = value`; a value of several choices begins on a line of its own."""
-        head = concat(head, " ", self.tokens.take(sign))
+        equals = self.tokens.take(sign)
         if isinstance(value, tree.Cond) and not self.in_parentheses(value):
-            return concat(head, Group(Indent(concat(Line(), self.expr(value)))))
-        return concat(head, " ", self.expr(value))
+            return concat(head, " ", equals, Group(Indent(concat(Line(), self.expr(value)))))
+        lead = self.tokens.lead()
+        shown = concat(lead, self.expr(value))
+        on_next_line = is_forced(equals) or is_forced(lead)
+        return concat(head, " ", equals, " ", Indent(shown) if on_next_line else shown)
 
     def bracketed(self, opening: str, items: Sequence[T], show: Callable[[T], Doc], closing: str) -> Doc:
         """Items between brackets, on their own lines if need be. The rows of a matrix stay rows."""

@@ -110,6 +110,6 @@ def _put(text: str) -> None:
 
 def _diff(source: SourceFile, text: str) -> Iterator[str]:
     """What would change, in the form that `patch` takes."""
-    lines = [re.findall(r"[^\n]*\n|[^\n]+", version) for version in (source.text, text)]
-    for line in difflib.unified_diff(*lines, source.name, source.name):
+    before, after = (re.findall(r"[^\n]*\n|[^\n]+", version) for version in (source.text, text))
+    for line in difflib.unified_diff(before, after, source.name, source.name):
         yield line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
