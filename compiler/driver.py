@@ -30,24 +30,35 @@ class Compiled:
 
 
 def compile_source(
-    source: SourceFile, experiment: str | None = None, params: Mapping[str, object] | None = None
+    source: SourceFile,
+    experiment: str | None = None,
+    params: Mapping[str, object] | None = None,
+    *,
+    strict_units: bool = False,
 ) -> Compiled:
-    """Compile a model. `params`: parameters by path, in their declared units. Raises ModelError with all problems."""
-    model = model_of(source, experiment, params)
+    """Compile a model. `params`: parameters by path, in their declared units; `strict_units`: no plain number but 0 takes a unit.
+
+    Raises ModelError with all problems.
+    """
+    model = model_of(source, experiment, params, strict_units=strict_units)
     structural = tuple(p.path for p in model.parameters if p.structural)
     return Compiled(_python(model), model.warnings, structural)
 
 
 def model_of(
-    source: SourceFile, experiment: str | None = None, params: Mapping[str, object] | None = None
+    source: SourceFile,
+    experiment: str | None = None,
+    params: Mapping[str, object] | None = None,
+    *,
+    strict_units: bool = False,
 ) -> Model:
-    """The structured model of a source file. Raises ModelError with all problems."""
-    return analyse(parse(source), experiment=experiment, overrides=params)
+    """The structured model of a source file. Arguments and errors as for `compile_source`."""
+    return analyse(parse(source), experiment=experiment, overrides=params, strict_units=strict_units)
 
 
-def check_source(source: SourceFile) -> tuple[Problem, ...]:
+def check_source(source: SourceFile, *, strict_units: bool = False) -> tuple[Problem, ...]:
     """Check everything in a file and give its warnings. Raises ModelError with all problems."""
-    return check_file(parse(source))
+    return check_file(parse(source), strict_units=strict_units)
 
 
 def check_params(model: Model, params: Mapping[str, object]) -> None:
@@ -56,9 +67,14 @@ def check_params(model: Model, params: Mapping[str, object]) -> None:
 
 
 def emit(
-    source: SourceFile, stage: str, experiment: str | None = None, params: Mapping[str, object] | None = None
+    source: SourceFile,
+    stage: str,
+    experiment: str | None = None,
+    params: Mapping[str, object] | None = None,
+    *,
+    strict_units: bool = False,
 ) -> str:
-    """What a phase made, as text. `stage` is one of `STAGES`; ValueError for another. Raises ModelError with all problems."""
+    """What a phase made, as text. `stage` is one of `STAGES`; ValueError for another. Other arguments and errors as for `compile_source`."""
     from hierc.compiler.dump import dump_cascade, dump_model, dump_tree
 
     chosen = next((s for s in STAGES if s == stage), None)
@@ -66,7 +82,7 @@ def emit(
         raise ValueError(f"no stage {stage!r}: choose from {', '.join(STAGES)}")
     if chosen == "ast":
         return dump_tree(parse(source).items)
-    model = model_of(source, experiment, params)
+    model = model_of(source, experiment, params, strict_units=strict_units)
     match chosen:
         case "model":
             return dump_model(model)

@@ -28,12 +28,17 @@ from hierc.grammar.source import Span
 
 @dataclass(frozen=True, slots=True)
 class Operand:
-    """What takes part in an operation: its text and place, and what is known of its unit. `node` is None for a declared name."""
+    """What takes part in an operation, and what is known of its unit: the expression `node`, or a declared `name`."""
 
-    text: str
     span: Span
-    node: tree.Expr | None
     quantity: Quantity
+    node: tree.Expr | None = None
+    name: str | None = None
+
+    @property
+    def text(self) -> str:
+        """The user's text."""
+        return self.span.text if self.name is None else self.name
 
     def item(self, place: int) -> Operand:
         """Item `place` of a list, the text's own where there is one."""
@@ -45,7 +50,12 @@ class Operand:
 
 def operand(node: tree.Expr, quantity: Quantity) -> Operand:
     """An expression as an operand."""
-    return Operand(node.span.text, node.span, node, quantity)
+    return Operand(node.span, quantity, node)
+
+
+def named(name: tree.Name, quantity: Quantity) -> Operand:
+    """A declared name as an operand."""
+    return Operand(name.span, quantity, name=name.text)
 
 
 #: How to word that two operands differ.

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from hierc.compiler.collector import Collector, Rejected
 from hierc.compiler.resolve.declarations import Agent, Equation, Library
 from hierc.compiler.resolve.names import Names
-from hierc.compiler.units.agreement import Differ, Operand, Rules, operand
+from hierc.compiler.units.agreement import Differ, Operand, Rules, named, operand
 from hierc.compiler.units.errors import CouplingUnits, RateUnitsDiffer, Side, UnitsDiffer
 from hierc.compiler.units.functions import ANY_NUMBER, needed
 from hierc.compiler.units.inference import FileScope, Inference, Shared, function_inference
@@ -191,7 +191,7 @@ class _Checker:
         if declarator.nominal is not None:
             wanted = declared(declarator.unit, decl.type.scalar)
             text = f"{declarator.name.text} nominal {declarator.nominal.span.text}"
-            self._assigned(_named(declarator.name, wanted), declarator.nominal, text)
+            self._assigned(named(declarator.name, wanted), declarator.nominal, text)
 
     def let(self, let: tree.Let) -> Quantity:
         """The unit of a `let`: the declared one, or that of its value."""
@@ -201,7 +201,7 @@ class _Checker:
 
     def _declared(self, name: tree.Name, unit: tree.Unit | None, scalar: str, value: tree.Expr) -> Quantity:
         wanted = declared(unit, scalar)
-        self._assigned(_named(name, wanted), value, name.span.to(value.span).text)
+        self._assigned(named(name, wanted), value, name.span.to(value.span).text)
         return wanted
 
     # ---- equations and instances ------------------------------------------------------------------------------------------------------
@@ -211,7 +211,7 @@ class _Checker:
         bound = frozenset({equation.over.index.text}) if equation.over is not None else frozenset[str]()
         unit = variable_unit(agent, target.name.text)
         if equation.kind == "alge":
-            left = Operand(target.span.text, target.span, None, unit)
+            left = Operand(target.span, unit, name=target.span.text)
             self._assigned(left, value, target.span.to(value.span).text, bound)
             return
 
@@ -227,7 +227,7 @@ class _Checker:
                 right=right,
             )
 
-        left = Operand(f"{target.span.text}'", target.span, None, rate(unit))
+        left = Operand(target.span, rate(unit), name=f"{target.span.text}'")
         self._agreed(left, value, differ, bound)
 
     def instance(self, inner: Agent | None, instance: tree.Instance) -> None:
@@ -241,7 +241,7 @@ class _Checker:
 
     def argument(self, param: tree.Param, value: tree.Expr, span: Span) -> None:
         """The argument at `span` gives a parameter of an agent its value."""
-        self._assigned(_named(param.name, declared(param.unit, param.type.scalar)), value, span.text)
+        self._assigned(named(param.name, declared(param.unit, param.type.scalar)), value, span.text)
 
     def coupling(self, inner: Agent, bind: tree.Bind) -> None:
         """A coupling gives a `read` variable of `inner` its value."""
@@ -252,21 +252,21 @@ class _Checker:
         variable = inner.variables.get(bind.name.text)
         if variable is not None:
             wanted = variable_unit(inner, variable.name)
-            self._agreed(_named(variable.declarator.name, wanted), bind.value, differ)
+            self._agreed(named(variable.declarator.name, wanted), bind.value, differ)
 
     # ---- experiments ------------------------------------------------------------------------------------------------------------------
 
     def initial(self, owner: Agent | None, initial: tree.Initial) -> None:
         name = initial.path.steps[-1].name
         if owner is not None and name.text in owner.variables:
-            read = Operand(initial.path.text, initial.path.span, None, variable_unit(owner, name.text))
+            read = Operand(initial.path.span, variable_unit(owner, name.text), name=initial.path.text)
             self._assigned(read, initial.value, initial.path.span.to(initial.value.span).text)
 
     def setting(self, setting: tree.Setting) -> None:
         name = setting.name.text
         if name in TIMES:
             self._assigned(
-                _named(setting.name, TIME), setting.value, setting.name.span.to(setting.value.span).text
+                named(setting.name, TIME), setting.value, setting.name.span.to(setting.value.span).text
             )
         elif name in ("rtol", "atol"):
             given = operand(setting.value, self.inference.quantity(setting.value))
@@ -290,7 +290,3 @@ class _Checker:
         given = operand(value, self.inference.quantity(value, bound))
         if isinstance(wanted.quantity, Measured):
             self.inference.shared.rules.agreed(wanted, given, differ)
-
-
-def _named(name: tree.Name, quantity: Quantity) -> Operand:
-    return Operand(name.text, name.span, None, quantity)

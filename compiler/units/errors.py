@@ -194,11 +194,14 @@ class UnknownUnit(Problem):
     )
     unit: str
     meant: str | None
+    offset: bool = False
 
     def title(self) -> str:
         return f"unknown unit `{self.unit}`"
 
     def help(self) -> tuple[str, ...]:
+        if self.offset:
+            return ("there are no units with an offset: convert to K, as in `293.15 [K]` for 20 degC",)
         return (f"did you mean `{self.meant}`?",) if self.meant else ()
 
 

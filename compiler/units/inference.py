@@ -14,7 +14,7 @@ from typing import Protocol, assert_never
 from hierc.compiler.resolve.declarations import Library
 from hierc.compiler.resolve.names import size_names
 from hierc.compiler.units import functions
-from hierc.compiler.units.agreement import Operand, Rules, operand
+from hierc.compiler.units.agreement import Operand, Rules, named, operand
 from hierc.compiler.units.errors import ArgumentUnit, Side, UnitsDiffer
 from hierc.compiler.units.exponents import rational
 from hierc.compiler.units.quantity import (
@@ -42,7 +42,7 @@ from hierc.grammar.problems import Problem
 from hierc.grammar.source import Span
 
 #: Expressions that calls of functions may visit again; units beyond that are unknown.
-MAX_VISITS = 200_000
+MAX_VISITS = 100_000
 #: Functions that call functions are followed so deep.
 MAX_CALLS = 40
 
@@ -208,18 +208,24 @@ class Inference:
         quantity = self.scope.quantity(name, ref)
         if ref.prime:
             quantity = rate(quantity)
-        for sub in ref.path.steps[-1].subs:
-            quantity = self._chosen(quantity, sub, bound)
-        return quantity
+        return self._chosen(quantity, ref.path.steps[-1].subs, bound)
 
-    def _chosen(self, quantity: Quantity, sub: tree.Expr | tree.Range, bound: frozenset[str]) -> Quantity:
-        """The item that an index chooses, where both are known; else what all items have in common."""
-        if not isinstance(quantity, Listed):
+    def _chosen(
+        self, quantity: Quantity, subs: tuple[tree.Expr | tree.Range, ...], bound: frozenset[str]
+    ) -> Quantity:
+        """The items that subscripts choose, where both are known; else what all items have in common."""
+        if not subs or not isinstance(quantity, Listed):
             return quantity
-        index = None if isinstance(sub, tree.Range) else rational(sub, self.scope, bound)
-        if index is None or index.denominator != 1 or not 1 <= index <= len(quantity.items):
+        sub = subs[0]
+        ends = (sub.first, sub.last) if isinstance(sub, tree.Range) else (sub, sub)
+        low, high = (rational(end, self.scope, bound) for end in ends)
+        if low is None or high is None or not 1 <= low <= high <= len(quantity.items):
             return whole(quantity)
-        return quantity.items[index.numerator - 1]
+        if low.denominator != 1 or high.denominator != 1:
+            return whole(quantity)
+        rows = quantity.items[low.numerator - 1 : high.numerator]
+        chosen = tuple(self._chosen(row, subs[1:], bound) for row in rows)
+        return Listed(chosen) if isinstance(sub, tree.Range) else chosen[0]
 
     # ---- calls ----------------------------------------------------------------------------------------------------------------------
 
@@ -249,7 +255,7 @@ class Inference:
                 right.span, function=f"`{func.name.text}`", wanted=text, given=right, declared=left.span, call=self.inside
             )  # fmt: skip
 
-        name = Operand(param.name.text, param.name.span, None, wanted)
+        name = named(param.name, wanted)
         self.shared.rules.agreed(name, given, differ)
         return wanted
 

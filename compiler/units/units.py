@@ -107,9 +107,15 @@ _PREFIXES: Mapping[str, Fraction] = {
 
 #: What units are often called instead.
 _SPELLINGS: Mapping[str, str] = {
-    "sec": "s", "seconds": "s", "hr": "h", "hour": "h", "hours": "h", "kph": "km/h", "degree": "deg", "degrees": "deg",
-    "radian": "rad", "radians": "rad", "metre": "m", "meter": "m", "meters": "m", "degC": "K", "l": "dm^3", "L": "dm^3",
+    "sec": "s", "seconds": "s", "hr": "h", "hour": "h", "hours": "h", "kph": "km/h", "mps": "m/s", "kmh": "km/h", "kmph": "km/h", "rps": "1/s",
+    "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad", "metre": "m", "meter": "m", "meters": "m",
+    "l": "dm^3", "L": "dm^3",
 }  # fmt: skip
+
+#: Scales whose zero is not that of the quantity.
+_OFFSETS = frozenset({"degC", "degF", "celsius", "Celsius", "fahrenheit", "Fahrenheit", "°C", "°F", "℃", "℉"})
+
+_SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 _TOKEN = re.compile(r"\s*(?:(?P<number>[+-]?\d+(?:\.\d+)?)|(?P<name>[A-Za-zµμΩ°%]+)|(?P<mark>[*/^()]))")
 
@@ -163,7 +169,16 @@ class _Parser:
 
     def _unknown(self, name: str | None = None) -> Rejected:
         wrong = self._text if name is None else name
-        return Rejected(UnknownUnit(self._span, unit=wrong, meant=_meant(wrong)))
+        respelt = _respelt(self._text)
+        meant = respelt if respelt is not None and self._is_unit(respelt) else _meant(wrong)
+        return Rejected(UnknownUnit(self._span, unit=wrong, meant=meant, offset=wrong in _OFFSETS))
+
+    def _is_unit(self, text: str) -> bool:
+        try:
+            _Parser(text, self._span).unit()
+        except Rejected:
+            return False
+        return True
 
     def _take(self, *wanted: str) -> str | None:
         """The next token if its kind or text is wanted."""
@@ -211,8 +226,17 @@ class _Parser:
         return unit
 
 
+def _respelt(text: str) -> str | None:
+    """A unit in other signs, `N m`, `N·m`, `m/s²` or `m**2`, in those of the language; None where that changes nothing."""
+    raised = re.sub(r"[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda found: f"^{found[0].translate(_SUPERSCRIPTS)}", text)
+    plain = re.sub(r"\s*[·⋅×]\s*|(?<=[\w%°])\s+(?=[A-Za-zµμΩ°%(])", "*", raised.replace("**", "^").strip())
+    return plain if plain != text.strip() else None
+
+
 def _meant(name: str) -> str | None:
     """What an unknown unit may stand for: a product without its `*`, or a name like it."""
+    if name in _OFFSETS:
+        return None
     if name in _SPELLINGS:
         return _SPELLINGS[name]
     for cut in range(len(name) - 1, 0, -1):

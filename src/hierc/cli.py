@@ -111,15 +111,26 @@ def _parser() -> argparse.ArgumentParser:
         "--json", action="store_true", help="print a summary, or the problems, as JSON on stdout"
     )
 
+    units = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    units.add_argument(
+        "--units",
+        choices=("gradual", "strict"),
+        default="gradual",
+        help="strict: no number but 0 goes without a unit beside one",
+    )
+
     run = commands.add_parser(
-        "run", parents=[file, chosen, report], help="simulate an experiment", allow_abbrev=False
+        "run", parents=[file, chosen, units, report], help="simulate an experiment", allow_abbrev=False
     )
     _add_run_options(run)
     commands.add_parser(
-        "check", parents=[file, report], help="report what is wrong with a model", allow_abbrev=False
+        "check", parents=[file, units, report], help="report what is wrong with a model", allow_abbrev=False
     )
     translate = commands.add_parser(
-        "compile", parents=[file, chosen], help="write the model as a Python module", allow_abbrev=False
+        "compile",
+        parents=[file, chosen, units],
+        help="write the model as a Python module",
+        allow_abbrev=False,
     )
     translate.add_argument("-o", dest="output", metavar="FILE.py", help="where to write it; otherwise stdout")
     translate.add_argument(

@@ -34,7 +34,7 @@ def check(arguments: Namespace) -> int:
     from hierc.compiler.driver import check_source
 
     source = loader.read(arguments.file)
-    warnings = check_source(source)  # raises ModelError
+    warnings = check_source(source, strict_units=arguments.units == "strict")  # raises ModelError
     if arguments.json or warnings:
         show_problems(warnings, as_json=arguments.json)
     say(f"{source.name}: no errors")
@@ -48,7 +48,11 @@ def compile(arguments: Namespace) -> int:
     if arguments.output and arguments.output != "-":
         _writable(Path(arguments.output), (".py",) if arguments.emit == "python" else None)
     text = emit(
-        loader.read(arguments.file), arguments.emit, arguments.experiment, parse_params(arguments.params)
+        loader.read(arguments.file),
+        arguments.emit,
+        arguments.experiment,
+        parse_params(arguments.params),
+        strict_units=arguments.units == "strict",
     )
     if arguments.output in (None, "-"):
         sys.stdout.write(text)
@@ -65,7 +69,8 @@ def run(arguments: Namespace) -> int:
     _check_outputs(arguments)
     params = parse_params(arguments.params)
     began = time.perf_counter()
-    loaded = loader.prepare(loader.read(arguments.file), arguments.experiment, params)
+    source, strict = loader.read(arguments.file), arguments.units == "strict"
+    loaded = loader.prepare(source, arguments.experiment, params, strict_units=strict)
     compiled = time.perf_counter()
     if not arguments.quiet:
         for text in loaded.warnings:

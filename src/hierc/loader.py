@@ -48,16 +48,18 @@ def load(
     params: Mapping[str, Value] | None = None,
     *,
     cache: bool = True,
+    strict_units: bool = False,
 ) -> Model:
     """Compile a model, or take it from the cache, ready to `simulate`.
 
     `source` is a path, the name of a packaged model (`"cart"`), or the text of a model (a `str` with a `{` in it). `params` replaces
     parameters by path, structural ones included, in their declared units; the others become defaults that `simulate` may replace again.
-    `cache=False` compiles afresh. Raises `hierc.ModelError` with all problems, ValueError for parameters that do not fit.
+    `cache=False` compiles afresh. `strict_units`: no plain number but 0 takes its neighbour's unit. Raises
+    `hierc.ModelError` with all problems, ValueError for parameters that do not fit.
     """
     import warnings
 
-    loaded = prepare(read(source), experiment, params or {}, cache=cache)
+    loaded = prepare(read(source), experiment, params or {}, cache=cache, strict_units=strict_units)
     for text in loaded.warnings:
         warnings.warn(text, stacklevel=2)
     return loaded.model
@@ -91,10 +93,15 @@ def packaged_models() -> dict[str, Path]:
 
 
 def prepare(
-    source: SourceFile, experiment: str | None, params: Mapping[str, Value], *, cache: bool = True
+    source: SourceFile,
+    experiment: str | None,
+    params: Mapping[str, Value],
+    *,
+    cache: bool = True,
+    strict_units: bool = False,
 ) -> Loaded:
     """The runnable model of a source file; see `load`."""
-    store = _Store.open(source, experiment) if cache else None
+    store = _Store.open(source, experiment, strict_units) if cache else None
     found = store.find(params) if store else None
     if found is not None:
         with suppress(SettingError):  # a parameter that does not fit: the compiler words it
@@ -102,7 +109,7 @@ def prepare(
     from hierc.compiler.driver import compile_source
     from hierc.grammar.render import render
 
-    made = compile_source(source, experiment, params)
+    made = compile_source(source, experiment, params, strict_units=strict_units)
     warnings = tuple(render(problem) for problem in made.warnings)
     if store is not None:
         store.keep(params, made.structural, made.text, warnings)
@@ -150,9 +157,9 @@ class _Store:
     family: str
 
     @classmethod
-    def open(cls, source: SourceFile, experiment: str | None) -> _Store | None:
+    def open(cls, source: SourceFile, experiment: str | None, strict_units: bool) -> _Store | None:
         folder = cache_folder("models")
-        key = [__version__, _compiler_digest(), source.name, source.text, experiment]
+        key = [__version__, _compiler_digest(), source.name, source.text, experiment, strict_units]
         return None if folder is None else cls(folder, _digest(json.dumps(key))[:24])
 
     def find(self, params: Mapping[str, Value]) -> _Found | None:
