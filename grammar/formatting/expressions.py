@@ -123,9 +123,8 @@ class ExpressionPrinter:
         chain.reverse()
         first = self.expr(chain[0].left)
         others = [self._operation(link, tight and level == _SUM) for link in chain]
-        if (
-            isinstance(expr.right, tree.ListExpr) and expr.op in _TIGHT
-        ):  # `w*[a, b]`: only the list's lines end
+        if isinstance(expr.right, tree.ListExpr) and expr.op in _TIGHT:
+            # `w*[a, b]`: the list opens, its factors stay in front of it
             last = others.pop()
             return concat(Group(concat(first, Indent(concat(*others)))), last.flat, last.item)
         return Group(concat(first, Indent(concat(*others))))

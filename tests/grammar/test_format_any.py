@@ -67,7 +67,7 @@ def assert_well_formatted(text: str, width: int) -> None:
     assert "\n\n\n" not in "\n".join(lines)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     st.sampled_from(EXAMPLES),
     st.integers(0, 2**64),
