@@ -106,7 +106,7 @@ def _read(terminal: int) -> bytes:
 def test_ctrl_c_before_the_run(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("hierc.loader.prepare", interrupted)
@@ -133,6 +133,30 @@ def test_a_full_disk(folder: Path) -> None:
     assert ran.stderr == "hierc: error: No space left on device\n"
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a full device")
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_problems_that_nobody_can_read(folder: Path, command: str) -> None:
+    (folder / "bad.hier").write_text("agent A() { write real x = y; }")
+    problems = [sys.executable, "-m", "hierc", command, "bad.hier", "--json"]
+    with Path("/dev/full").open("w") as full:
+        ran = subprocess.run(problems, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (ran.returncode, ran.stderr) == (2, "hierc: error: No space left on device\n")
+    reading, writing = os.pipe()
+    os.close(reading)
+    ran = subprocess.run(problems, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writing)
+    assert (ran.returncode, ran.stderr) == (2, "hierc: nobody reads the output any more\n")
+
+
+@pytest.mark.parametrize("closed", ["1", "2"])
+def test_a_stream_that_is_closed(folder: Path, closed: str) -> None:
+    """What would go to the closed stream must not turn up on the other one."""
+    shell = f'"{sys.executable}" -m hierc check decay.hier --json {closed}>&-'
+    ran = subprocess.run(shell, shell=True, capture_output=True, text=True, check=False)  # noqa: S602 - our own words
+    said = (ran.stdout.partition("\n")[0], ran.stderr)
+    assert (ran.returncode, *said) == ((0, "", "decay.hier: no errors\n") if closed == "1" else (0, "{", ""))
+
+
 def test_a_file_that_cannot_be_written_does_not_lose_the_others(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -142,9 +166,88 @@ def test_a_file_that_cannot_be_written_does_not_lose_the_others(
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("hierc.runtime.writers.write_npz", refuse)
-    assert cli.main(["run", "decay.hier", "--quiet"]) == 2
-    assert capsys.readouterr().err == "hierc: error: `a.npz`: Permission denied\n"
+    assert cli.main(["run", "decay.hier"]) == 2
+    said = capsys.readouterr().err
+    assert "evaluations" in said  # the table of groups
+    assert "written: b.csv\n" in said
+    assert said.endswith("hierc: error: cannot write `a.npz`: Permission denied\n")
     assert Path("b.csv").exists()
+    assert cli.main(["run", "decay.hier", "--json", "--quiet"]) == 2
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["files"] == ["b.csv"]
+    assert summary["not_written"] == ["cannot write `a.npz`: Permission denied"]
+
+
+def test_a_plot_that_fails_is_named_as_asked_for(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(path: Path, *_: object) -> None:
+        raise OSError(28, "No space left on device", f"{path}.temporary")
+
+    monkeypatch.setattr("hierc.runtime.plotting.write_whole", refuse)
+    assert cli.main(["run", "decay.hier", "--plot", "p.png", "--quiet"]) == 2
+    assert capsys.readouterr().err == "hierc: error: cannot write `p.png`: No space left on device\n"
+
+
+def test_what_cannot_be_written_is_refused_before_the_run(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("hierc.loader.prepare", lambda *_, **__: pytest.fail("the run began"))
+    Path("away.csv").symlink_to("nowhere/x.csv")
+    Path("round.csv").symlink_to("round.csv")
+    for name, said in [
+        ("away.csv", f"it is a link to `{folder}/nowhere/x.csv`, and there is no folder `{folder}/nowhere`"),
+        ("round.csv", "there can be no such file"),
+        ("nowhere/y.csv", "there is no folder `nowhere`"),
+    ]:
+        assert cli.main(["run", "decay.hier", "-o", "good.csv", "-o", name]) == 2
+        assert capsys.readouterr().err == f"hierc: error: cannot write `{name}`: {said}\n"
+    monkeypatch.setattr("hierc.runtime.plotting.find_spec", lambda _: None)
+    assert cli.main(["run", "decay.hier", "--plot", "p.png"]) == 2
+    assert capsys.readouterr().err == "hierc: error: plots need matplotlib: pip install matplotlib\n"
+    monkeypatch.setattr("os.access", lambda *_: False)  # as in a folder of somebody else
+    assert cli.main(["run", "decay.hier", "-o", "good.csv"]) == 2
+    assert f"cannot write `good.csv`: you may not write into the folder `{folder}`" in capsys.readouterr().err
+
+
+def test_several_files_are_all_written(folder: Path) -> None:
+    files = ["a.csv", "b.npz", "a.png", "b.svg"]
+    options = [word for name in files[:2] for word in ("-o", name)] + ["--plot", "a.png", "--plot", "b.svg"]
+    assert cli.main(["run", "decay.hier", "--quiet", *options]) == 0
+    assert all(Path(name).stat().st_size > 0 for name in files)
+
+
+def test_warnings_stand_in_the_summary(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """From the compiler and from the cache alike; `check` gives the same."""
+    jump = DECAY.replace("x' = -x/tau;", "x' = if time > 1 [s] then -x/tau else 0 [m/s];")
+    Path("jump.hier").write_text(jump)
+    assert cli.main(["check", "jump.hier", "--json"]) == 0
+    problems = json.loads(capsys.readouterr().out)["problems"]
+    assert [problem["severity"] for problem in problems] == ["warning"]
+    for _ in range(2):
+        assert cli.main(["run", "jump.hier", "--json", "--quiet"]) == 0
+        summary = json.loads(capsys.readouterr().out)
+        assert summary["warnings"] == problems
+        assert summary["ok"] is True
+    assert cli.main(["run", "jump.hier", "--json", "--quiet", "--max-step", "0.01"]) == 0
+    (group,) = json.loads(capsys.readouterr().out)["groups"].values()
+    assert group["step_max"] <= 0.01
+    assert group["steps"] >= 200
+
+
+def test_structural_parameters_stand_with_the_others(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("sized.hier").write_text(
+        "agent A(int n = 2, real k = 1) { write real[n] x = zeros(n); diff { x' = -k*x; } }\n"
+        "experiment e of A() { stop = 1 [s]; }"
+    )
+    assert cli.main(["run", "sized.hier", "-p", "n=3", "-p", "k=2"]) == 0
+    assert "set: n = 3, recompiled for it\nset: k = 2\n" in capsys.readouterr().err
+    assert cli.main(["run", "sized.hier", "-p", "n=3", "-p", "k=2", "--json"]) == 0
+    captured = capsys.readouterr()
+    assert "set: n = 3\nset: k = 2\n" in captured.err
+    assert json.loads(captured.out)["parameters"] == {"n": 3, "k": 2}
 
 
 def test_a_link_does_not_lead_a_save_outside(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
