@@ -11,7 +11,9 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
+from typing import NoReturn, TextIO
 
 from hierc.exits import BUG, INTERRUPTED, MODEL_ERROR, USAGE, UsageError
 from hierc.screen import say, show_problems
@@ -28,46 +30,61 @@ _EXIT_CODES = (
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code. Never raises, except SystemExit from the argument parser."""
     arguments = _parser().parse_args(argv)
+    # A stream that is closed from the beginning is None, and `print` would take the other one.
+    sys.stdout, sys.stderr = sys.stdout or _nowhere(), sys.stderr or _nowhere()
     try:
-        from hierc import (
-            commands,
-        )  # not before the arguments are right: `--help` and `--version` answer at once
-
-        code = getattr(commands, arguments.command)(arguments)
+        code = _told(arguments)
         sys.stdout.flush()
-        return int(code)
+        return code
     except KeyboardInterrupt:
         say("hierc: interrupted")
         return INTERRUPTED
     except BrokenPipeError:
-        # What is left in the buffer must not be flushed into the closed pipe when Python ends.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _give_up_stdout()
         say("hierc: nobody reads the output any more")
         return USAGE
-    except Exception as error:
-        return _failed(error, arguments)
+    except OSError as error:
+        where = f"`{error.filename}`: " if error.filename else ""
+        _give_up_stdout()
+        say(f"hierc: error: {where}{error.strerror or error}")
+        return USAGE
 
 
-def _failed(error: Exception, arguments: argparse.Namespace) -> int:
+def _nowhere() -> TextIO:
+    return TextIOWrapper(BytesIO(), encoding="utf-8")
+
+
+def _told(arguments: argparse.Namespace) -> int:
+    """Run the command. What goes wrong in it is told, on stdout if as JSON; only OSError comes through, as that may fail itself."""
     from hierc.grammar.problems import ModelError
 
-    match error:
-        case UsageError():
-            say(f"hierc: error: {error}")
-            return USAGE
-        case ModelError():
-            show_problems(error.problems, as_json=getattr(arguments, "json", False))
-            return MODEL_ERROR
-        case OSError():
-            where = f"`{error.filename}`: " if error.filename else ""
-            say(f"hierc: error: {where}{error.strerror or error}")
-            return USAGE
-        case MemoryError():
-            say("hierc: error: there is not enough memory for this")
-            return USAGE
-        case _:
-            _bug(error)
-            return BUG
+    try:
+        # Not before the arguments are right: `--help` and `--version` answer at once.
+        from hierc import commands
+
+        return int(getattr(commands, arguments.command)(arguments))
+    except UsageError as error:
+        say(f"hierc: error: {error}")
+        return USAGE
+    except ModelError as error:
+        show_problems(error.problems, as_json=getattr(arguments, "json", False))
+        return MODEL_ERROR
+    except OSError:
+        raise
+    except MemoryError:
+        say("hierc: error: there is not enough memory for this")
+        return USAGE
+    except Exception as error:
+        _bug(error)
+        return BUG
+
+
+def _give_up_stdout() -> None:
+    """Where stdout takes nothing, what is left in its buffer must not be tried again when Python ends."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _bug(error: Exception) -> None:
@@ -83,8 +100,38 @@ def _bug(error: Exception) -> None:
     )
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser that says in one line what is wrong."""
+
+    def error(self, message: str) -> NoReturn:
+        say(f"{self.prog}: error: {message} (see {self.prog} --help)")
+        raise SystemExit(USAGE)
+
+
+class _Once(argparse.Action):
+    """An option that may be given once: two names for one output are a mistake."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: object,
+        option_string: str | None = None,
+    ) -> None:
+        if getattr(namespace, self.dest) is not None:
+            raise argparse.ArgumentError(self, "given twice")
+        setattr(namespace, self.dest, values)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"`{text}` is not a number, such as 0.5 or 1e-3") from None
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="hierc",
         description="Compile and simulate hierarchical models.",
         epilog=_EXIT_CODES,
@@ -92,11 +139,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"hierc {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    file = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    file = _Parser(add_help=False, allow_abbrev=False)
     file.add_argument(
         "file", metavar="FILE", help="a .hier file, or the name of a packaged model such as `cart`"
     )
-    chosen = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    chosen = _Parser(add_help=False, allow_abbrev=False)
     chosen.add_argument("experiment", metavar="EXPERIMENT", nargs="?", help="needed if the file has several")
     chosen.add_argument(
         "-p",
@@ -106,12 +153,12 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         help="replace a parameter, as in -p cart.kv=60",
     )
-    report = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    report = _Parser(add_help=False, allow_abbrev=False)
     report.add_argument(
         "--json", action="store_true", help="print a summary, or the problems, as JSON on stdout"
     )
 
-    units = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    units = _Parser(add_help=False, allow_abbrev=False)
     units.add_argument(
         "--units",
         choices=("gradual", "strict"),
@@ -126,13 +173,21 @@ def _parser() -> argparse.ArgumentParser:
     commands.add_parser(
         "check", parents=[file, units, report], help="report what is wrong with a model", allow_abbrev=False
     )
+    commands.add_parser(
+        "params",
+        parents=[file, chosen, report],
+        help="list parameters with their values and units",
+        allow_abbrev=False,
+    )
     translate = commands.add_parser(
         "compile",
         parents=[file, chosen, units],
         help="write the model as a Python module",
         allow_abbrev=False,
     )
-    translate.add_argument("-o", dest="output", metavar="FILE.py", help="where to write it; otherwise stdout")
+    translate.add_argument(
+        "-o", dest="output", metavar="FILE.py", action=_Once, help="where to write it; otherwise stdout"
+    )
     translate.add_argument(
         "--emit", choices=STAGES, default="python", help="print what a phase of the compiler made"
     )
@@ -140,7 +195,11 @@ def _parser() -> argparse.ArgumentParser:
         "graph", parents=[file, chosen], help="show groups and who reads what", allow_abbrev=False
     )
     graph.add_argument(
-        "-o", dest="output", metavar="FILE", help="write .svg, .png, .pdf, .dot or .json instead of a table"
+        "-o",
+        dest="output",
+        metavar="FILE",
+        action=_Once,
+        help="write .svg, .png, .pdf, .dot or .json instead of a table",
     )
     page = commands.add_parser("explain", help="explain the code of a problem", allow_abbrev=False)
     page.add_argument(
@@ -160,20 +219,29 @@ def _add_fmt_options(fmt: argparse.ArgumentParser) -> None:
 
 
 def _add_run_options(run: argparse.ArgumentParser) -> None:
-    seconds = {"type": float, "metavar": "SECONDS"}
+    seconds = {"type": _number, "metavar": "SECONDS"}
     run.add_argument("--start", **seconds, help="default 0")  # type: ignore[arg-type]
     run.add_argument("--stop", **seconds, help="default: the experiment's")  # type: ignore[arg-type]
     run.add_argument("--interval", **seconds, help="between output times; default: 500 parts of the run")  # type: ignore[arg-type]
-    run.add_argument("--rtol", type=float, metavar="NUMBER", help="relative tolerance")
+    run.add_argument("--rtol", type=_number, metavar="NUMBER", help="relative tolerance")
     run.add_argument(
-        "--atol", type=float, metavar="NUMBER", help="absolute tolerance, times the nominal of each state"
+        "--atol", type=_number, metavar="NUMBER", help="absolute tolerance, times the nominal of each state"
     )
+    run.add_argument("--max-step", **seconds, help="of any group; default: none")  # type: ignore[arg-type]
     run.add_argument("--method", metavar="NAME", help="one method for all groups")
     run.add_argument(
         "-o",
         dest="output",
         metavar="FILE",
-        help="write .csv or .npz, instead of what the experiment saves; - is stdout",
+        action="append",
+        default=[],
+        help="write .csv or .npz, instead of what the experiment saves; - is stdout; may be given several times",
     )
-    run.add_argument("--plot", metavar="FILE", help="draw to .png, .pdf or .svg")
+    run.add_argument(
+        "--plot",
+        metavar="FILE",
+        action="append",
+        default=[],
+        help="draw to .png, .pdf or .svg; may be given several times",
+    )
     run.add_argument("--quiet", action="store_true", help="say nothing unless something is wrong")

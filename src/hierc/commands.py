@@ -1,4 +1,4 @@
-"""The commands of the command line: `run`, `check`, `compile`, `graph`, `fmt`, `explain`.
+"""The commands of the command line: `run`, `check`, `params`, `compile`, `graph`, `fmt`, `explain`.
 
 Each takes the parsed arguments and returns an exit code. What the user got wrong is a UsageError or a ModelError; cli.py words the rest.
 """
@@ -6,18 +6,20 @@ Each takes the parsed arguments and returns an exit code. What the user got wron
 from __future__ import annotations
 
 import json
+import keyword
 import math
 import shutil
 import sys
 import time
 from argparse import Namespace
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hierc import loader
-from hierc.exits import INTERRUPTED, NUMERICAL_FAILURE, OK, UsageError
+from hierc.exits import INTERRUPTED, NUMERICAL_FAILURE, OK, USAGE, UsageError
+from hierc.outputs import STDOUT, Outputs, Written, asked_for, check_writable, saved_by, write, writing
 from hierc.screen import Progress, duration, say, show_groups, show_problems
 from hierc.version import __version__
 
@@ -25,8 +27,7 @@ if TYPE_CHECKING:
     from hierc.runtime.model import Model
     from hierc.runtime.result import Result
 
-TABLES = (".csv", ".npz")
-_SETTINGS = ("start", "stop", "rtol", "atol", "method", "interval")
+_SETTINGS = ("start", "stop", "rtol", "atol", "method", "interval", "max_step")
 
 
 def check(arguments: Namespace) -> int:
@@ -41,12 +42,25 @@ def check(arguments: Namespace) -> int:
     return OK
 
 
+def params(arguments: Namespace) -> int:
+    """List a model's parameters."""
+    from hierc import parameters
+
+    given = parse_params(arguments.params)
+    model = loader.prepare(loader.read(arguments.file), arguments.experiment, given).model
+    if arguments.json:
+        _print_json({"model": model.plan.name, "parameters": parameters.listed(model)})
+    else:
+        sys.stdout.write(parameters.table(model))
+    return OK
+
+
 def compile(arguments: Namespace) -> int:
     """Write the generated module, or print what a phase made."""
     from hierc.compiler.driver import emit
 
     if arguments.output and arguments.output != "-":
-        _writable(Path(arguments.output), (".py",) if arguments.emit == "python" else None)
+        _check_module(Path(arguments.output), python=arguments.emit == "python")
     text = emit(
         loader.read(arguments.file),
         arguments.emit,
@@ -59,31 +73,43 @@ def compile(arguments: Namespace) -> int:
         return OK
     from hierc.runtime.files import write_whole
 
-    write_whole(Path(arguments.output), text.encode())
+    with writing(arguments.output):
+        write_whole(Path(arguments.output), text.encode())
     say(f"written: {arguments.output}")
     return OK
 
 
 def run(arguments: Namespace) -> int:
-    """Simulate an experiment, tell how it went, write what was asked for."""
-    _check_outputs(arguments)
+    """Simulate an experiment, write what was asked for, tell how it went; stdout comes last, as its reader may be gone."""
+    from hierc.runtime.writers import print_csv
+
+    if STDOUT in arguments.output and arguments.json:
+        raise UsageError("-o - and --json both want stdout; write the table to a file")
+    outputs = asked_for(arguments.output, arguments.plot)
     params = parse_params(arguments.params)
     began = time.perf_counter()
     source, strict = loader.read(arguments.file), arguments.units == "strict"
     loaded = loader.prepare(source, arguments.experiment, params, strict_units=strict)
     compiled = time.perf_counter()
     if not arguments.quiet:
-        for text in loaded.warnings:
-            say(text)
-    saves = [] if arguments.output else _saves(loaded.model)
+        for warned in loaded.warnings:
+            say(warned.text)
+    if not arguments.output:
+        outputs = replace(outputs, tables=saved_by(loaded.model))
     result = _simulate(loaded.model, arguments)
     ended = time.perf_counter()
-    written = _write(result, arguments, saves) if result.t_reached > result.start else []
-    if arguments.json:
-        sys.stdout.write(json.dumps(summary(result, written), indent=2, allow_nan=False) + "\n")
+    written = write(result, outputs) if result.t_reached > result.start else Written((), ())
     if not arguments.quiet:
-        _report(result, written, arguments.output, compiled - began, ended - compiled)
-    return _exit_code(result, written)
+        _report(result, loaded, compiled - began, ended - compiled)
+        _report_files(result, written, outputs)
+    for failure in written.failures:
+        say(f"hierc: error: {failure}")
+    code = _exit_code(result, written)
+    if arguments.json:
+        _print_json(summary(result, loaded, written))
+    elif outputs.stdout and result.t_reached > result.start:
+        print_csv(sys.stdout, result.t, result.columns())
+    return code
 
 
 def graph(arguments: Namespace) -> int:
@@ -95,20 +121,21 @@ def graph(arguments: Namespace) -> int:
 
     path = Path(arguments.output) if arguments.output else None
     if path is not None:
-        _writable(path, (*picture.SUFFIXES, *graph.WRITERS))
+        check_writable(path, (*picture.SUFFIXES, *graph.WRITERS))
     params = parse_params(arguments.params)
     shown = diagram(model_of(loader.read(arguments.file), arguments.experiment, params))
     if path is None:
         marks = graph.marks_for(sys.stdout.encoding)
         sys.stdout.write(graph.to_text(shown, marks, shutil.get_terminal_size((100, 24)).columns))
         return OK
-    if path.suffix in graph.WRITERS:
-        write_whole(path, graph.WRITERS[path.suffix](shown).encode())
-    else:
-        try:
-            picture.draw(shown, path)
-        except ImportError as error:
-            raise UsageError(str(error)) from None
+    try:
+        with writing(path):
+            if path.suffix in graph.WRITERS:
+                write_whole(path, graph.WRITERS[path.suffix](shown).encode())
+            else:
+                picture.draw(shown, path)
+    except ImportError as error:
+        raise UsageError(str(error)) from None
     say(f"written: {path}")
     return OK
 
@@ -142,7 +169,9 @@ def parse_params(texts: Iterable[str]) -> dict[str, Any]:
         except ValueError:
             params[name] = None
         if not _is_value(params[name]):
-            raise UsageError(f"-p {name}: `{value}` is not a number, `true`, `false`, or a list of them")
+            raise UsageError(
+                f"-p {name}: `{value}` is not a number (a plain one, in the declared unit), `true`, `false`, or a list of them"
+            )
     return params
 
 
@@ -166,7 +195,7 @@ def _simulate(model: Model, arguments: Namespace) -> Result:
     stop = settings.get("stop", model.plan.experiment.settings.get("stop"))
     if stop is None:
         raise UsageError(
-            "how long should it run? name an experiment that has a `stop`, or give --stop SECONDS"
+            "how long should it run? give --stop SECONDS, or name an experiment that has a `stop`"
         )
     start = settings.get("start", model.plan.experiment.settings.get("start", 0.0))
     with Progress(model.plan.name, start, stop, shown=not arguments.quiet) as progress:
@@ -178,69 +207,16 @@ def _simulate(model: Model, arguments: Namespace) -> Result:
             raise UsageError(str(error)) from error
 
 
-def _check_outputs(arguments: Namespace) -> None:
-    """Refuse, before a long run, what could not be written after it."""
-    if arguments.output == "-" and arguments.json:
-        raise UsageError("-o - and --json both want stdout; write the table to a file")
-    if arguments.output and arguments.output != "-":
-        _writable(Path(arguments.output), TABLES)
-    if arguments.plot:
-        from hierc.runtime.plotting import SUFFIXES
-
-        _writable(Path(arguments.plot), SUFFIXES)
+def _check_module(path: Path, *, python: bool) -> None:
+    """Refuse a file that could not be written, or not be imported once it is."""
+    check_writable(path, (".py",) if python else None)
+    if python and (not path.stem.isidentifier() or keyword.iskeyword(path.stem)):
+        raise UsageError(
+            f"cannot write `{path}`: no module of this name can be imported; take letters, digits and `_`"
+        )
 
 
-def _writable(path: Path, suffixes: tuple[str, ...] | None) -> None:
-    if suffixes and path.suffix not in suffixes:
-        raise UsageError(f"cannot write `{path}`: the name must end in {' or '.join(suffixes)}")
-    if path.is_dir():
-        raise UsageError(f"cannot write `{path}`: it is a folder")
-    if not path.parent.is_dir():
-        raise UsageError(f"cannot write `{path}`: there is no folder `{path.parent}`")
-
-
-def _saves(model: Model) -> list[Path]:
-    """Files the experiment saves to: a model may be a stranger's, so only names inside the current folder."""
-    here = Path.cwd()
-    paths = [Path(name) for name in model.plan.experiment.save]
-    for path in paths:
-        if not (here / path).resolve().is_relative_to(here):
-            raise UsageError(
-                f"the experiment saves to `{path}`, outside the current folder; write there with -o if you mean it"
-            )
-        _writable(path, TABLES)
-    return paths
-
-
-def _write(result: Result, arguments: Namespace, saves: list[Path]) -> list[str]:
-    """Write all files; returns a line for each. One that fails does not lose the others."""
-    written: list[str] = []
-    failure: OSError | None = None
-    if arguments.output == "-":
-        from hierc.runtime.writers import print_csv
-
-        print_csv(sys.stdout, result.t, result.columns())
-        saves = []
-    elif arguments.output:
-        saves = [Path(arguments.output)]
-    for path in saves:
-        try:
-            (result.to_csv if path.suffix == ".csv" else result.to_npz)(path)
-            written.append(str(path))
-        except OSError as error:
-            failure = failure or OSError(error.errno, error.strerror, str(path))
-    if arguments.plot:
-        try:
-            result.plot(arguments.plot)
-        except ImportError as error:
-            raise UsageError(str(error)) from None
-        written.append(arguments.plot)
-    if failure:
-        raise failure
-    return written
-
-
-def summary(result: Result, written: list[str]) -> dict[str, Any]:
+def summary(result: Result, loaded: loader.Loaded, written: Written) -> dict[str, Any]:
     """The run as plain data, for --json."""
     return {
         "hierc": __version__,
@@ -253,34 +229,49 @@ def summary(result: Result, written: list[str]) -> dict[str, Any]:
         "settings": _plain(result.settings),
         "parameters": _plain(result.params),
         "groups": {name: _plain(asdict(s)) for name, s in result.stats.items()},
-        "files": written,
+        "files": list(written.files),
+        "not_written": list(written.failures),
+        "warnings": [warned.data for warned in loaded.warnings],
     }
+
+
+def _print_json(data: Mapping[str, Any]) -> None:
+    sys.stdout.write(json.dumps(_plain(data), indent=2, allow_nan=False) + "\n")
 
 
 def _plain(value: object) -> object:
     """JSON has no infinities and NaNs: null."""
     if isinstance(value, Mapping):
         return {name: _plain(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _report(result: Result, written: list[str], output: str | None, compiling: float, running: float) -> None:
+def _report(result: Result, loaded: loader.Loaded, compiling: float, running: float) -> None:
     say(
         f"{result.model}: {result.start:g} to {result.t_reached:g} s, "
         f"simulated in {duration(running)} after {duration(compiling)} of preparation"
     )
-    show_groups(result.stats)
+    if result.stats:
+        show_groups(result.stats)
+    elif result.status.ok:
+        say("  no states: nothing to integrate")
     for name, value in result.params.items():
-        say(f"set: {name} = {value}")
-    for name in written:
+        anew = ", recompiled for it" if loaded.compiled and name in loaded.model.built else ""
+        say(f"set: {name} = {value}{anew}")
+
+
+def _report_files(result: Result, written: Written, outputs: Outputs) -> None:
+    for name in written.files:
         say(f"written: {name}")
-    if not written and output is None and result.status.ok:
+    if result.status.ok and outputs == Outputs((), (), stdout=False):
         say("nothing written: -o FILE keeps the results, --plot FILE draws them")
 
 
-def _exit_code(result: Result, written: list[str]) -> int:
+def _exit_code(result: Result, written: Written) -> int:
     if result.status.ok:
-        return OK
-    kept = f"; what was computed until then is in {' and '.join(written)}" if written else ""
+        return USAGE if written.failures else OK
+    kept = f"; what was computed until then is in {' and '.join(written.files)}" if written.files else ""
     say(f"hierc: {result.status.message}{kept}")
     return INTERRUPTED if result.status.name == "INTERRUPTED" else NUMERICAL_FAILURE

@@ -34,11 +34,19 @@ _KEPT = 400
 
 
 @dataclass(frozen=True, slots=True)
+class Warned:
+    """A warning of the compiler: for a reader, and as plain data with its place."""
+
+    text: str
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
 class Loaded:
-    """A runnable model, the compiler's warnings as text, and whether it was compiled just now."""
+    """A runnable model, the compiler's warnings, and whether it was compiled just now."""
 
     model: Model
-    warnings: tuple[str, ...]
+    warnings: tuple[Warned, ...]
     compiled: bool
 
 
@@ -60,8 +68,8 @@ def load(
     import warnings
 
     loaded = prepare(read(source), experiment, params or {}, cache=cache, strict_units=strict_units)
-    for text in loaded.warnings:
-        warnings.warn(text, stacklevel=2)
+    for warned in loaded.warnings:
+        warnings.warn(warned.text, stacklevel=2)
     return loaded.model
 
 
@@ -107,10 +115,10 @@ def prepare(
         with suppress(SettingError):  # a parameter that does not fit: the compiler words it
             return Loaded(_with_values(found.model, params), found.warnings, compiled=False)
     from hierc.compiler.driver import compile_source
-    from hierc.grammar.render import render
+    from hierc.grammar.render import render, to_json
 
     made = compile_source(source, experiment, params, strict_units=strict_units)
-    warnings = tuple(render(problem) for problem in made.warnings)
+    warnings = tuple(Warned(render(problem), to_json(problem)) for problem in made.warnings)
     if store is not None:
         store.keep(params, made.structural, made.text, warnings)
     return Loaded(_with_values(run_module(made.text, source.name).MODEL, params), warnings, compiled=True)
@@ -142,7 +150,7 @@ class _Found:
     """A cached model and what the compiler warned of."""
 
     model: Model
-    warnings: tuple[str, ...]
+    warnings: tuple[Warned, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,13 +175,15 @@ class _Store:
         try:
             structural = json.loads((self.folder / f"{self.family}.json").read_bytes())
             stem = self._member(params, structural)
-            warnings = tuple(json.loads((self.folder / f"{stem}.json").read_bytes()))
+            warnings = tuple(
+                Warned(*pair) for pair in json.loads((self.folder / f"{stem}.json").read_bytes())
+            )
             return _Found(_import_file(self.folder / f"{stem}.py", "hierc_model").MODEL, warnings)
         except Exception:  # whatever is wrong with the files: they are made again
             return None
 
     def keep(
-        self, params: Mapping[str, Value], structural: Iterable[str], text: str, warnings: tuple[str, ...]
+        self, params: Mapping[str, Value], structural: Iterable[str], text: str, warnings: tuple[Warned, ...]
     ) -> None:
         """Store a module. A cache that cannot be written is no reason to stop."""
         family = self.folder / f"{self.family}.json"
@@ -182,7 +192,9 @@ class _Store:
             known |= set(json.loads(family.read_bytes()))
         with suppress(OSError):
             stem = self._member(params, known)
-            write_whole(self.folder / f"{stem}.json", json.dumps(warnings).encode())
+            write_whole(
+                self.folder / f"{stem}.json", json.dumps([(w.text, w.data) for w in warnings]).encode()
+            )
             write_whole(self.folder / f"{stem}.py", text.encode())
             write_whole(family, json.dumps(sorted(known)).encode())
             self._forget_oldest()

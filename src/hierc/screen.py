@@ -11,7 +11,7 @@ import os
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -24,9 +24,15 @@ if TYPE_CHECKING:
 _PATIENCE = 0.4
 
 
+def plain(text: str) -> str:
+    """Text that may hold names of a stranger's model: what a terminal would act on is shown by its code."""
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+
+
 def say(text: str) -> None:
-    """Talk. Names in it may come from a stranger's model: what a terminal would act on is shown by its code."""
-    print("".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text), file=sys.stderr)  # noqa: T201
+    """Talk. That nobody can hear it is no failure."""
+    with suppress(OSError):
+        print(plain(text), file=sys.stderr)  # noqa: T201
 
 
 def show_problems(problems: Sequence[Problem], *, as_json: bool) -> None:
