@@ -142,7 +142,7 @@ class Writer:
 
     def operand(self) -> list[str]:
         return self.any(
-            self.number, self.path, self.parenthesised, self.call, self.list, lambda: ["-", *self.number()]
+            self.number, self.path, self.parenthesised, self.call, self.vector, lambda: ["-", *self.number()]
         )
 
     def parenthesised(self) -> list[str]:
@@ -151,7 +151,7 @@ class Writer:
     def call(self) -> list[str]:
         return [*self.dotted(), "(", *self.some(self.expr, ","), ")"]
 
-    def list(self) -> list[str]:
+    def vector(self) -> list[str]:
         return ["[", *self.some(self.expr, ",", 1), "]"]
 
     def over(self) -> list[str]:
