@@ -22,11 +22,11 @@ class Collector:
     """Problems found so far, each once, in the order found."""
 
     def __init__(self) -> None:
-        self._problems: dict[tuple[str, Span | None], Problem] = {}
+        self._problems: dict[tuple[str, Span | str], Problem] = {}
 
     def add(self, problem: Problem) -> None:
-        """Keep `problem`, unless the same code was already reported at the same place."""
-        self._problems.setdefault((problem.code, problem.span), problem)
+        """Keep `problem`, unless the same code was already reported at the same place, or with the same title where there is none."""
+        self._problems.setdefault((problem.code, problem.span or problem.title()), problem)
 
     def rejected(self, rejection: Rejected) -> None:
         """Keep the problem that `rejection` carries, if any."""

@@ -35,14 +35,14 @@ from hierc.compiler.structure.experiments import (
     choose,
     resolve_experiment,
     resolve_gifts,
-    standalone_agents,
+    runnable_agents,
 )
 from hierc.compiler.structure.flat import Flat
 from hierc.compiler.structure.flatten import flatten
 from hierc.compiler.structure.instances import instances
 from hierc.compiler.structure.nodes import make_nodes
 from hierc.compiler.structure.parameters import Parameters, make_parameters
-from hierc.compiler.structure.relations import warn_of_jumps
+from hierc.compiler.structure.relations import told_once, warn_of_jumps
 from hierc.compiler.units.checks import check_declared_units, check_experiment_units, check_units
 from hierc.grammar import tree
 from hierc.grammar.problems import ModelError, Problem
@@ -69,14 +69,15 @@ def analyse(
 
 
 def check_file(file: tree.File, *, strict_units: bool = False) -> tuple[Problem, ...]:
-    """Check a file as it stands: every experiment in it or, where there is none, every agent that can run on its own.
+    """Check a file as it stands: every experiment in it; where there is none, the only agent that no other contains or, of several such,
+    every one that can run on its own.
 
-    Returns the warnings. Raises ModelError with all problems. Agents that need arguments or couplings are checked for names, equations and
-    units. `strict_units` is as for `analyse`.
+    Returns the warnings. Raises ModelError with all problems. The other agents are checked for names, equations and units. `strict_units`
+    is as for `analyse`.
     """
     problems = Collector()
     library, _ = _definitions(file, strict_units, problems)
-    for name in library.experiments or standalone_agents(library):
+    for name in library.experiments or runnable_agents(library):
         try:
             for warning in analyse(file, experiment=name, strict_units=strict_units).warnings:
                 problems.add(warning)
@@ -84,7 +85,7 @@ def check_file(file: tree.File, *, strict_units: bool = False) -> tuple[Problem,
             for problem in error.problems:
                 problems.add(problem)
     problems.stop_on_errors()
-    return problems.in_source_order()
+    return told_once(problems.in_source_order())
 
 
 def _definitions(file: tree.File, strict_units: bool, problems: Collector) -> tuple[Library, Names]:
@@ -155,7 +156,7 @@ def _arranged(context: Context, flat: Flat, parameters: Parameters, choice: Choi
         groups=groups,
         variables=variables,
         experiment=experiment,
-        warnings=problems.in_source_order(),
+        warnings=told_once(problems.in_source_order()),
     )
 
 

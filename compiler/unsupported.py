@@ -116,12 +116,17 @@ class Jump(NotSupported):
         "Where a right-hand side jumps, a run should stop exactly there and go on with the new side. This version integrates through the jump with small "
         "steps, which costs work, and may step over a change that is shorter than a step."
     )
+    first: bool = True  # of its file: the others are said in short
 
     def title(self) -> str:
         return "this jumps during a run, and its moments are not located yet"
 
     def notes(self) -> tuple[str, ...]:
-        return ("the run steps through the jump where it meets it; one shorter than a step can be missed",)
+        return (
+            ("the run steps through the jump where it meets it; one shorter than a step can be missed",)
+            if self.first
+            else ()
+        )
 
     def help(self) -> tuple[str, ...]:
-        return ("give the experiment a `max_step` shorter than the shortest piece",)
+        return ("give the experiment a `max_step` shorter than the shortest piece",) if self.first else ()

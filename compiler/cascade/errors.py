@@ -26,6 +26,8 @@ class BrokenCascade(Problem):
     source_level: str
     read: str | None  # the read variable of the coupling
     agents: bool  # whether both sides are agents
+    through: tuple[str, ...] = ()  # agents outside by way of which the later level is read
+    back: Span | None = None  # where the last of them reads it
 
     def title(self) -> str:
         reader = (
@@ -33,12 +35,20 @@ class BrokenCascade(Problem):
             if self.reader
             else f"level `{self.reader_level}`"
         )
+        if self.through:
+            way = " and ".join(f"`{name}`" for name in self.through)
+            return f"{reader} reads `{self.source}`, which depends on the later level `{self.source_level}` through {way}"
         return f"{reader} reads `{self.source}`, which belongs to the later level `{self.source_level}`"
 
     def remark(self) -> str:
         if self.read is None:
             return "used in a continuous equation"
         return f"`{self.read}` is used in a continuous equation of `{self.reader or self.reader_level}`"
+
+    def labels(self) -> tuple[Label, ...]:
+        if self.back is None:
+            return ()
+        return (Label(self.back, f"`{self.through[-1]}` reads level `{self.source_level}` here"),)
 
     def notes(self) -> tuple[str, ...]:
         return (LEVELS_NOTE,)

@@ -1,8 +1,8 @@
 """Cascade: who depends on whom, and the proof that no level depends on a later one.
 
 In: the nodes. Out: a `Cascade`: for each node what its equations read, down to the nodes with states. Guaranteed, unless E601 or E606 was
-reported: in every agent with levels, none of them depends continuously on a later one. Dependence is what equations use after substitution: an unused `read`
-makes none, and initial values make none.
+reported: in every agent with levels, none of them depends continuously on a later one, not even by way of agents outside it. Dependence is what equations
+use after substitution: an unused `read` makes none, and initial values make none.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from hierc.compiler.cascade.detours import Detour, behind, continuous, detours
 from hierc.compiler.cascade.errors import BrokenCascade, LaterDerivative
 from hierc.compiler.collector import Collector
-from hierc.compiler.expression import Input, Local
-from hierc.compiler.model import Node, Source
-from hierc.compiler.structure.flat import FlatNode, leaves
+from hierc.compiler.model import Source
+from hierc.compiler.structure.flat import FlatNode
 from hierc.compiler.structure.instances import Instance
 from hierc.compiler.structure.nodes import LocalNode
 from hierc.grammar import tree
@@ -51,14 +51,16 @@ def prove_cascade(
     """The dependences of the nodes; reports every read of a later level."""
     for here in nodes:
         reported: set[str | None] = set()
-        for source, span in _continuous(here):
+        for source, span in continuous(here):
             problem = _broken(instances, flat_nodes[here.node.id], flat_nodes[source.node], source, span)
             if problem is not None and (problem.read is None or problem.read not in reported):
                 reported.add(problem.read)  # one for each coupling is enough
                 problems.add(problem)
-    direct = tuple(tuple(dict.fromkeys(source.node for source, _ in _continuous(here))) for here in nodes)
+    for detour in detours(flat_nodes, nodes):
+        problems.add(_roundabout(instances, flat_nodes, detour))
+    direct = tuple(tuple(dict.fromkeys(source.node for source, _ in continuous(here))) for here in nodes)
     computed = tuple(
-        tuple(dict.fromkeys(source.node for source, _ in _continuous(here) if source.kind != "state"))
+        tuple(dict.fromkeys(source.node for source, _ in continuous(here) if source.kind != "state"))
         for here in nodes
     )
     return Cascade(
@@ -66,15 +68,10 @@ def prove_cascade(
     )
 
 
-def _continuous(here: LocalNode) -> list[tuple[Source, Span]]:
-    pairs = zip(here.node.inputs, here.node.input_spans, strict=True)
-    return list(pairs)[: here.continuous]
-
-
 def _origins(here: LocalNode, nodes: Sequence[LocalNode]) -> list[Reads]:
     """The nodes with states that `here` reads, each once, with the first place where it does."""
     found: dict[int, Span] = {}
-    for source, span in _continuous(here):
+    for source, span in continuous(here):
         seen: set[Source] = set()
         waiting = [source]
         while waiting:
@@ -83,23 +80,8 @@ def _origins(here: LocalNode, nodes: Sequence[LocalNode]) -> list[Reads]:
                 found.setdefault(at.node, span)
             elif at not in seen:
                 seen.add(at)
-                waiting += _behind(nodes[at.node].node, at.index)
+                waiting += [source for source, _ in behind(nodes[at.node].node, at.index)]
     return [Reads(source, span) for source, span in found.items()]
-
-
-def _behind(node: Node, definition: int) -> list[Source]:
-    """The inputs that a definition of a node without states uses."""
-    found: list[Source] = []
-    seen = {definition}
-    waiting = [definition]
-    while waiting:
-        for leaf in leaves(node.definitions[waiting.pop()].value):
-            if isinstance(leaf, Input):
-                found.append(node.inputs[leaf.index])
-            elif isinstance(leaf, Local) and leaf.index not in seen:
-                seen.add(leaf.index)
-                waiting.append(leaf.index)
-    return found
 
 
 def _broken(
@@ -139,6 +121,27 @@ def _problem(
         source_level=names[owner[1]],
         read=bind.name.text if bind else None,
         agents=reading is not None and owning is not None,
+    )
+
+
+def _roundabout(
+    instances: Sequence[Instance], flat_nodes: Sequence[FlatNode], detour: Detour
+) -> BrokenCascade:
+    """The problem of a level that reads a later one by way of other agents."""
+    around, reader = instances[detour.instance], flat_nodes[detour.reader]
+    names = list(around.agent.levels)
+    member = _member(instances, around, reader)
+    bind = _binding(instances, reader.instance, detour.span)
+    return BrokenCascade(
+        detour.span,
+        reader=member,
+        reader_level=names[detour.level],
+        source=detour.span.text,
+        source_level=names[detour.later],
+        read=bind.name.text if bind else None,
+        agents=member is not None,
+        through=tuple(dict.fromkeys(flat_nodes[node].path for node in detour.through)),
+        back=detour.back,
     )
 
 

@@ -85,7 +85,7 @@ class _AgentEquations:
             first, second = equations[0].equation.target.span, equations[1].equation.target.span
             self._problems.add(DefinedTwice(second, name=name, first=first))
         elif state and "diff" not in kinds:
-            self._problems.add(NoDerivative(variable.span, name=name))
+            self._problems.add(NoDerivative(variable.span, name=name, algebraic=bool(equations)))
         elif not state and "diff" in kinds:
             unit = variable.declarator.unit.text if variable.declarator.unit else None
             where = equations[0].equation.target.span

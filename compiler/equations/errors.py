@@ -33,11 +33,14 @@ class NoDerivative(Problem):
         "algebraic and is defined under `alge`."
     )
     name: str
+    algebraic: bool = False  # whether it has an equation under `alge`
 
     def title(self) -> str:
         return f"`{self.name}` has an initial value but no derivative"
 
     def help(self) -> tuple[str, ...]:
+        if self.algebraic:
+            return ("drop the initial value: the equation under `alge` defines it at every moment",)
         return (
             f"add `{self.name}' = …;` under `diff`, or drop the initial value and define it under `alge`",
         )
@@ -140,9 +143,13 @@ class NotAState(Problem):
     code = "E508"
     explanation = "`x'` is the right-hand side of the differential equation of `x`, so `x` must be a state: a variable under `diff`."
     name: str
+    matrix: bool = False
 
     def title(self) -> str:
         return f"`{self.name}'` is used but `{self.name}` is not a state"
+
+    def help(self) -> tuple[str, ...]:
+        return (f"the transpose is written `transpose({self.name})`",) if self.matrix else ()
 
 
 @dataclass(frozen=True)

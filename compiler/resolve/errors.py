@@ -25,7 +25,8 @@ class UnknownName(Problem):
         return f"unknown name `{self.name}` in {self.where}"
 
     def help(self) -> tuple[str, ...]:
-        return did_you_mean(self.name, self.candidates)
+        time = ("the time is written `time`",) if self.name == "t" else ()
+        return (*time, *did_you_mean(self.name, self.candidates))
 
 
 @dataclass(frozen=True)
@@ -110,17 +111,21 @@ class NotVisible(Problem):
 class UnknownParameter(Problem):
     code = "E206"
     explanation = "Arguments name parameters of the agent (or function) they are given to; a parameter without a default needs one."
-    agent: str
+    agent: str | None  # None for the model, whose parameters are given by path
     name: str
     candidates: tuple[str, ...]
     missing: bool = False
+    advice: str | None = None  # instead of the usual one
 
     def title(self) -> str:
         if self.missing:
             return f"parameter `{self.name}` of `{self.agent}` has no default and no value"
-        return f"`{self.agent}` has no parameter `{self.name}`"
+        owner = "the model" if self.agent is None else f"`{self.agent}`"
+        return f"{owner} has no parameter `{self.name}`"
 
     def help(self) -> tuple[str, ...]:
+        if self.advice:
+            return (self.advice,)
         return (f"add `{self.name} = …`",) if self.missing else did_you_mean(self.name, self.candidates)
 
 

@@ -192,8 +192,10 @@ class _AgentChecker:
         check_bindings(inner, instance.bindings, instance.name, self._problems)
 
 
-def check_arguments(agent: Agent, args: tuple[tree.Arg, ...], span: Span, problems: Collector) -> None:
-    """Arguments name parameters, each once, and every parameter without a default has one."""
+def check_arguments(
+    agent: Agent, args: tuple[tree.Arg, ...], span: Span, problems: Collector, *, alone: bool = False
+) -> None:
+    """Arguments name parameters, each once, and every parameter without a default has one. `alone`: nothing can give any."""
     given = _once(tuple(arg.name for arg in args), problems)
     for name in given.values():
         if name.text not in agent.params:
@@ -202,7 +204,13 @@ def check_arguments(agent: Agent, args: tuple[tree.Arg, ...], span: Span, proble
             )
     for text, param in agent.params.items():
         if param.default is None and text not in given:
-            problems.add(UnknownParameter(span, agent=agent.name, name=text, candidates=(), missing=True))
+            experiment = f"experiment run of {agent.name}({text} = …) {{ }}"
+            advice = f"give it a default, or a value in an experiment: `{experiment}`" if alone else None
+            problems.add(
+                UnknownParameter(
+                    span, agent=agent.name, name=text, candidates=(), missing=True, advice=advice
+                )
+            )
 
 
 def check_bindings(

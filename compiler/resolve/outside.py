@@ -1,6 +1,6 @@
 """Values given from outside: parameters by path, from the command line or from Python.
 
-In: paths with numbers or (nested) lists of them, in the declared units. Problems point into a text made up of the assignment, under the name `parameters`.
+In: paths with numbers or (nested) lists of them, in the declared units. Problems have no place: there is no text to point into.
 """
 
 from __future__ import annotations
@@ -13,15 +13,9 @@ from hierc.compiler.expression import Number
 from hierc.compiler.resolve.errors import UnknownParameter
 from hierc.compiler.shapes.values import Scalar, Shape, Value, type_text
 from hierc.compiler.structure.errors import WrongValue
-from hierc.grammar.source import SourceFile, Span
 
 #: Values by path. `object`, because they are checked here.
 Given = Mapping[str, object]
-
-
-def _span(path: str, value: object) -> Span:
-    text = f"{path} = {value}"
-    return Span(SourceFile("parameters", text), 0, len(text))
 
 
 def outside_value(path: str, value: object, scalar: Scalar, shape: Shape, scale: float) -> Value:
@@ -30,9 +24,7 @@ def outside_value(path: str, value: object, scalar: Scalar, shape: Shape, scale:
     wrong = found_shape != shape or numbers is None
     if numbers is None or wrong or not all(_fits(n, scalar, scale) for n in numbers):
         raise Rejected(
-            WrongValue(
-                _span(path, value), name=path, wanted=f"`{type_text(scalar, shape)}`", given=f"`{value}`"
-            )
+            WrongValue(None, name=path, wanted=f"`{type_text(scalar, shape)}`", given=f"`{value}`")
         )
     return Value(scalar, shape, tuple(Number(None, float(n) * scale) for n in numbers))
 
@@ -73,11 +65,28 @@ def check_given(parameters: Iterable[model.Parameter], given: Given) -> None:
     for path, value in given.items():
         parameter = known.get(path)
         if parameter is None:
-            span = _span(path, value)
-            problems.add(UnknownParameter(span, agent="the model", name=path, candidates=tuple(known)))
+            problems.add(
+                UnknownParameter(
+                    None, agent=None, name=path, candidates=tuple(known), advice=_advice(path, known)
+                )
+            )
             continue
         try:
             outside_value(path, value, parameter.scalar, parameter.shape, parameter.scale)
         except Rejected as rejection:
             problems.rejected(rejection)
     problems.stop_on_errors()
+
+
+def _advice(path: str, known: Mapping[str, model.Parameter]) -> str | None:
+    """What to give instead of one element of a vector, or by a path that goes through a level."""
+    whole = known.get(path.partition("[")[0].strip())
+    if whole is not None and whole.shape:
+        kind, value = ("vector", "[…]") if len(whole.shape) == 1 else ("matrix", "[[…], …]")
+        return f"give the whole {kind}: `{whole.path}={value}`"
+    steps = path.split(".")
+    for place in range(len(steps) - 1):
+        shorter = ".".join(steps[:place] + steps[place + 1 :])
+        if shorter in known:
+            return f"did you mean `{shorter}`? Levels are no part of a path"
+    return None

@@ -40,9 +40,13 @@ class TypeDiffers(Problem):
     subject: str  # `p'`, `argument l`
     wanted: str
     given: str
+    instead: tuple[str, ...] = ()  # texts of the wanted type
 
     def title(self) -> str:
         return f"{self.subject} is `{self.wanted}` but the right-hand side is `{self.given}`"
+
+    def help(self) -> tuple[str, ...]:
+        return (f"write {' or '.join(f'`{text}`' for text in self.instead)}",) if self.instead else ()
 
 
 @dataclass(frozen=True)

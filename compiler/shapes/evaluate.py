@@ -43,6 +43,9 @@ from hierc.grammar import tree
 #: Scalar operations that all expressions of a model may have before sharing.
 MAX_OPERATIONS = 1_000_000
 
+#: Most elements, and longest element, of a list that a message spells out.
+SMALL, LONGEST = 4, 12
+
 
 class Scope(Protocol):
     """What names stand for."""
@@ -268,9 +271,27 @@ def expected(value: Value, scalar: Scalar, shape: Shape, subject: str, node: tre
     """`value` as the declared type; raises Rejected (E302) when it is of another one."""
     if value.shape != shape or not fits(value.scalar, scalar):
         raise Rejected(
-            TypeDiffers(node.span, subject=subject, wanted=type_text(scalar, shape), given=value.type)
+            TypeDiffers(
+                node.span,
+                subject=subject,
+                wanted=type_text(scalar, shape),
+                given=value.type,
+                instead=_filled(value, shape, node),
+            )
         )
     return Value(scalar, shape, value.elements)
+
+
+def _filled(value: Value, shape: Shape, node: tree.Node) -> tuple[str, ...]:
+    """How to write a vector or matrix of which every element is the literal `node`; nothing where that is not short."""
+    if not isinstance(node, tree.Number) or not shape:
+        return ()
+    text = node.span.text
+    zeros = (f"zeros({', '.join(map(str, shape))})",) if node.value == 0 else ()
+    small = size_of(shape) <= SMALL and len(text) <= LONGEST
+    for size in reversed(shape):
+        text = f"[{', '.join([text] * size)}]" if small else text
+    return (*zeros, text) if small else zeros
 
 
 # ---- calls --------------------------------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ class UnknownSetting(Problem):
         return f"unknown setting `{self.name}`"
 
     def help(self) -> tuple[str, ...]:
-        return did_you_mean(self.name, self.candidates)
+        return did_you_mean(self.name, self.candidates) or (f"the settings are {listed(self.candidates)}",)
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class NoChoice(Problem):
 
     code = "E909"
     explanation = (
-        "What runs is the experiment that was named; or the only experiment; or the only agent that no other agent contains. Where none "
-        "of these is there, say which."
+        "What runs is the experiment or agent that was named; or the only experiment; or, without experiments, the only agent that no "
+        "other agent contains. Where none of these is there, say which."
     )
     experiments: tuple[str, ...]
     agents: tuple[str, ...]
@@ -65,15 +65,16 @@ class NoChoice(Problem):
     def title(self) -> str:
         if not self.agents:
             return "the file defines no agent, so there is nothing to run"
+        if self.experiments:
+            return f"the file has the experiments {listed(self.experiments)}: name one"
         return "which agent is the model?"
 
     def notes(self) -> tuple[str, ...]:
-        notes = (f"experiments: {listed(self.experiments)}",) if self.experiments else ()
-        return (
-            (*notes, f"agents that no other agent contains: {listed(self.agents)}") if self.agents else notes
-        )
+        return (f"agents that no other agent contains: {listed(self.agents)}",) if self.agents else ()
 
     def help(self) -> tuple[str, ...]:
+        if self.experiments:
+            return ("an agent can be named too, to run it without an experiment",)
         return ("name one of them, or write an experiment",) if self.agents else ()
 
 
@@ -98,7 +99,8 @@ class WrongValue(Problem):
 
     code = "E911"
     explanation = (
-        "A value given to a parameter has its type and shape; a setting is a number, `method` a name."
+        "A value given to a parameter has its type and shape; a setting is a finite number, positive but for `start`, `method` is a name. A "
+        "run ends after its start."
     )
     name: str
     wanted: str
@@ -106,3 +108,25 @@ class WrongValue(Problem):
 
     def title(self) -> str:
         return f"`{self.name}` takes {self.wanted}, got {self.given}"
+
+
+@dataclass(frozen=True)
+class CannotSave(Problem):
+    code = "E912"
+    explanation = (
+        "`save` names files by their ending: `.csv` is a table, `.npz` holds NumPy arrays. A model may come from a stranger, so it writes only "
+        "inside the folder it is run in; elsewhere writes `hierc run -o`."
+    )
+    file: str
+    endings: tuple[str, ...]
+    outside: bool
+
+    def title(self) -> str:
+        if self.outside:
+            return f"`{self.file}` is outside the folder of the run"
+        return f"`{self.file}` does not end in {' or '.join(f'`{ending}`' for ending in self.endings)}"
+
+    def help(self) -> tuple[str, ...]:
+        if self.outside:
+            return ("save to a name inside it; `hierc run … -o FILE` writes anywhere",)
+        return ()

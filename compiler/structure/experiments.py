@@ -6,8 +6,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from math import isfinite
+from pathlib import PurePosixPath, PureWindowsPath
 from typing import Any, assert_never
 
 from hierc.compiler import unsupported
@@ -19,6 +22,7 @@ from hierc.compiler.resolve.names import check_arguments, check_bindings, check_
 from hierc.compiler.shapes.evaluate import Environment, evaluate
 from hierc.compiler.shapes.folding import constant
 from hierc.compiler.structure.errors import (
+    CannotSave,
     MatchesNothing,
     NoChoice,
     UnknownExperiment,
@@ -33,6 +37,8 @@ from hierc.grammar.source import Span
 
 #: Settings that a group may have of its own.
 GROUP_SETTINGS = ("rtol", "atol", "max_step", "min_step", "method")
+#: Files that results can be saved to.
+ENDINGS = (".csv", ".npz")
 #: Settings of the language that have no effect yet.
 LATER_SETTINGS = ("order", "on_violation")
 
@@ -46,9 +52,11 @@ class Choice:
 
 
 def choose(library: Library, name: str | None, problems: Collector) -> Choice:
-    """The experiment or agent named; else the only experiment; else the only agent that no other contains. Raises ModelError."""
-    contained = {sub.instance.agent.text for agent in library.agents.values() for sub in agent.subs.values()}
-    tops = [agent for agent in library.agents if agent not in contained]
+    """The experiment or agent named; else the only experiment; else, without experiments, the only agent that no other contains.
+
+    Raises ModelError.
+    """
+    tops = _top_agents(library)
     experiment: tree.Experiment | None = None
     agent: Agent | None = None
     if name is not None and name in library.experiments:
@@ -61,7 +69,7 @@ def choose(library: Library, name: str | None, problems: Collector) -> Choice:
         )
     elif len(library.experiments) == 1:
         (experiment,) = library.experiments.values()
-    elif len(tops) == 1:
+    elif len(tops) == 1 and not library.experiments:
         agent = library.agents[tops[0]]
     else:
         raise ModelError([NoChoice(None, experiments=tuple(library.experiments), agents=tuple(tops))])
@@ -77,22 +85,29 @@ def choose(library: Library, name: str | None, problems: Collector) -> Choice:
     return Choice(agent, experiment)
 
 
-def standalone_agents(library: Library) -> list[str]:
-    """Agents that no other contains and that need neither arguments nor couplings."""
-    contained = {sub.instance.agent.text for agent in library.agents.values() for sub in agent.subs.values()}
+def runnable_agents(library: Library) -> list[str]:
+    """The only agent that no other contains: it is what runs. Of several, those that need neither arguments nor couplings."""
+    tops = _top_agents(library)
+    if len(tops) == 1:
+        return tops
+    agents = [library.agents[name] for name in tops]
     return [
-        name
-        for name, agent in library.agents.items()
-        if name not in contained
-        and not agent.reads()
-        and all(p.default is not None for p in agent.params.values())
+        agent.name
+        for agent in agents
+        if not agent.reads() and all(p.default is not None for p in agent.params.values())
     ]
+
+
+def _top_agents(library: Library) -> list[str]:
+    """Agents that no other contains."""
+    contained = {sub.instance.agent.text for agent in library.agents.values() for sub in agent.subs.values()}
+    return [name for name in library.agents if name not in contained]
 
 
 def _check_given(agent: Agent, experiment: tree.Experiment | None, problems: Collector) -> None:
     """The top agent's parameters and reads all have values."""
     if experiment is None:
-        check_arguments(agent, (), agent.definition.name.span, problems)
+        check_arguments(agent, (), agent.definition.name.span, problems, alone=True)
         check_bindings(agent, (), agent.definition.name, problems, top=True)
         return
     own = tuple(
@@ -194,6 +209,7 @@ def resolve_experiment(
     resolver = _Resolver(env, nodes, groups, variables, problems)
     for item in experiment.items:
         resolver.item(item)
+    resolver.finish()
     settings = Settings(**resolver.settings)
     group_settings = tuple((name, Settings(**values)) for name, values in resolver.groups.items())
     return Experiment(
@@ -203,6 +219,19 @@ def resolve_experiment(
         tuple(dict.fromkeys(resolver.record)),
         tuple(resolver.save),
     )
+
+
+_STRING = re.compile(r'"(?:\\.|[^"\\\n])*"')
+
+
+def _is_outside(file: str) -> bool:
+    """Whether a file name leads out of the folder it is in, on any system."""
+    depth = 0
+    for part in PureWindowsPath(file).parts:
+        depth += -1 if part == ".." else 1
+        if depth < 0:
+            return True
+    return file.startswith("/") or bool(PureWindowsPath(file).anchor)
 
 
 class _Resolver:
@@ -225,6 +254,7 @@ class _Resolver:
         self.groups: dict[str, dict[str, Any]] = {}
         self.record: list[str] = []
         self.save: list[str] = []
+        self._stop: Span | None = None
 
     def item(self, item: tree.ExpItem) -> None:
         match item:
@@ -235,8 +265,8 @@ class _Resolver:
             case tree.Record(patterns=patterns):
                 for pattern in patterns:
                     self._record(pattern)
-            case tree.Save(files=files):
-                self.save.extend(files)
+            case tree.Save():
+                self._save(item)
             case tree.InitBlock():
                 pass  # in the initial values already
             case _ as never:
@@ -254,6 +284,7 @@ class _Resolver:
             into[name] = self._method(setting)
         else:
             into[name] = self._number(setting)
+            self._stop = setting.value.span if name == "stop" else self._stop
 
     def _method(self, setting: tree.Setting) -> str | None:
         value = setting.value
@@ -272,10 +303,29 @@ class _Resolver:
             self._problems.rejected(rejection)
             return None
         known = constant(value.single) if value.shape == () and value.scalar != "bool" else None
-        if known is None or (name not in ("start", "stop") and known <= 0):
-            wanted = "a number" if name in ("start", "stop") else "a positive number"
+        if known is None or not isfinite(known) or (name not in ("start", "stop") and known <= 0):
+            wanted = "a finite number" if name in ("start", "stop") else "a positive finite number"
             self._problems.add(WrongValue(node.span, name=name, wanted=wanted, given=f"`{node.span.text}`"))
         return known
+
+    def finish(self) -> None:
+        """Check what several settings say together."""
+        start, stop = self.settings.get("start", 0.0), self.settings.get("stop")
+        if self._stop is not None and start is not None and stop is not None and stop <= start:
+            wanted = f"a time after the start, {start:g} s"
+            self._problems.add(
+                WrongValue(self._stop, name="stop", wanted=wanted, given=f"`{self._stop.text}`")
+            )
+
+    def _save(self, item: tree.Save) -> None:
+        places = _STRING.finditer(item.span.text)
+        for file, place in zip(item.files, places, strict=True):
+            outside = _is_outside(file)
+            if outside or PurePosixPath(file).suffix not in ENDINGS:
+                start = item.span.start
+                span = Span(item.span.file, start + place.start(), start + place.end())
+                self._problems.add(CannotSave(span, file=file, endings=ENDINGS, outside=outside))
+        self.save.extend(item.files)
 
     def _group(self, item: tree.GroupSettings) -> None:
         name = self._group_name(item.path.text)

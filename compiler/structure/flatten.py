@@ -338,6 +338,17 @@ def _iterations(over: tree.Over | None, env: Environment) -> Iterator[Environmen
             yield env.bind(over.index.text, number(i, "int"))
 
 
+def _is_matrix(owner: Instance, name: str) -> bool:
+    """Whether a variable, parameter or constant is declared as a matrix."""
+    agent = owner.agent
+    declared = (
+        agent.variables[name].decl
+        if name in agent.variables
+        else agent.params.get(name) or agent.consts.get(name)
+    )
+    return declared is not None and len(declared.type.sizes) == 2
+
+
 @dataclass(frozen=True, slots=True)
 class _InstanceScope:
     """The names of one agent: its parameters and constants, its variables and `let`s, the `write` variables of its sub-agents."""
@@ -372,7 +383,7 @@ class _InstanceScope:
         if variable is not None and variable.decl.access == "read":
             raise Rejected(DerivativeOfRead(ref.span, name=name, example=self._bound_to(name)))
         if variable is None or variable.declarator.initial is None:
-            raise Rejected(NotAState(ref.span, name=ref.path.text))
+            raise Rejected(NotAState(ref.span, name=ref.path.text, matrix=_is_matrix(owner, name)))
         value = self.flattener.storage.value(owner, name, ref.span)
         elements = tuple(Rate(ref.span, e.index) for e in value.elements if isinstance(e, State))
         return replace(value, elements=elements)

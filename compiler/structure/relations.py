@@ -7,29 +7,54 @@ them; they are not located yet.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import cache
 
 from hierc.compiler import unsupported
 from hierc.compiler.collector import Collector
 from hierc.compiler.expression import Apply, Choose, Expr, Input, Local, Number, Parameter, Rate, State, Time
 from hierc.compiler.model import Node
+from hierc.grammar.problems import Problem
+from hierc.grammar.source import SourceFile, Span
 
 _JUMPING = frozenset({"sign", "floor", "ceil", "round", "mod", "quotient"})
 
 
 def warn_of_jumps(nodes: tuple[Node, ...], problems: Collector) -> None:
-    """Add a warning for every place, once."""
-    read = {(source.node, source.index) for node in nodes for source in node.inputs if source.kind == "local"}
-    seen = set()
-    for node in nodes:
-        for jump in _jumps(node, [index for owner, index in read if owner == node.id]):
-            if jump.span is not None and jump.span not in seen:
-                seen.add(jump.span)
-                problems.add(unsupported.Jump(jump.span))
+    """Add a warning for every place, once; a place inside another says no more."""
+    published: dict[int, set[int]] = {node.id: set() for node in nodes}
+    for source in (source for node in nodes for source in node.inputs if source.kind == "local"):
+        published[source.node].add(source.index)
+    jumps = (jump.span for node in nodes for jump in _jumps(node, published[node.id]))
+    for span in _outermost({span for span in jumps if span is not None}):
+        problems.add(unsupported.Jump(span))
 
 
-def _jumps(node: Node, published: list[int]) -> Iterator[Choose | Apply]:
+def told_once(problems: Sequence[Problem]) -> tuple[Problem, ...]:
+    """The same problems, in source order, with the background of jumps only at the first one in each file."""
+    told: set[SourceFile] = set()
+    result: list[Problem] = []
+    for problem in problems:
+        span = problem.span
+        if isinstance(problem, unsupported.Jump) and span is not None:
+            result.append(replace(problem, first=span.file not in told))
+            told.add(span.file)
+        else:
+            result.append(problem)
+    return tuple(result)
+
+
+def _outermost(spans: Iterable[Span]) -> Iterator[Span]:
+    """Spans that lie in no other one."""
+    last: Span | None = None
+    for span in sorted(spans, key=lambda s: (s.file.name, s.start, -s.stop)):
+        if last is None or span.file != last.file or span.stop > last.stop:
+            last = span
+            yield span
+
+
+def _jumps(node: Node, published: Iterable[int]) -> Iterator[Choose | Apply]:
     """Jumping expressions in a node's rates and in the definitions that they, or other nodes, use. Those within another are left out."""
 
     @cache

@@ -127,8 +127,61 @@ def test_no_choice() -> None:
 def test_checking_a_file_checks_every_experiment() -> None:
     both = TEXT.replace("(n = 3)", "(n = 3, m = 2)").replace("stop = 2 [min]", "stopp = 2 [min]")
     assert codes(check_file, parse(SourceFile("test.hier", both))) == ["E903", "E206"]
-    library = "agent Lag() { read real u; write real y = 0; diff { y' = u - y; } let unused = 1; }"
-    assert [w.code for w in check_file(parse(SourceFile("library.hier", library)))] == ["W511"]
+
+
+def test_checking_a_file_without_experiments_checks_what_would_run() -> None:
+    lag = "agent Lag() { read real u; write real y = 0; diff { y' = u - y; } let unused = 1; }"
+    assert codes(check_file, parse(SourceFile("one.hier", lag))) == ["E203", "W511"]
+    library = lag + lag.replace("Lag", "Lead")
+    assert [w.code for w in check_file(parse(SourceFile("library.hier", library)))] == ["W511", "W511"]
+    jumps = "agent {}() {{ write real x = 0; diff {{ x' = sign(x); }} }} "
+    warnings = check_file(parse(SourceFile("jumps.hier", jumps.format("A") + jumps.format("B"))))
+    assert [(w.code, len(w.help())) for w in warnings] == [("W013", 1), ("W013", 0)]
+
+
+@pytest.mark.parametrize(
+    ("settings", "found"),
+    [
+        ("stop = 1e-300;", []),
+        ("start = -2; stop = -1;", []),
+        ("start = 1;", []),
+        ("stop = 0;", ["E911"]),
+        ("start = 1; stop = 1;", ["E911"]),
+        ("stop = 1; start = 2;", ["E911"]),
+        ("start = -1e308*10;", ["E911"]),
+        ('save "a.csv", "b/../c.npz", "./d.csv";', []),
+        ('save "csv", ".csv";', ["E912", "E912"]),
+        (
+            'save "/a.csv", "../a.csv", "b/../../a.csv", "C:\\\\a.csv", "a\\\\..\\\\..\\\\b.csv";',
+            ["E912"] * 5,
+        ),
+    ],
+)
+def test_times_and_files(settings: str, found: list[str]) -> None:
+    text = f"agent A() {{ write real x = 0; diff {{ x' = 1; }} }} experiment e of A() {{ {settings} }}"
+    if found:
+        assert codes(model_of, text) == found
+    else:
+        assert model_of(text).name == "A"
+
+
+def test_advice_on_paths() -> None:
+    text = """
+    agent Body(real m = 1, real[3] I = [1, 2, 3], real[1,2] M = [[1, 2]]) { write real x = 0; diff { x' = m; } }
+    agent Top() { level body { agent b = Body(); } }
+    """
+    parameters = model_of(text).parameters
+
+    def advice(path: str) -> tuple[str, ...]:
+        with pytest.raises(ModelError) as caught:
+            check_given(parameters, {path: 1.0})
+        return caught.value.problems[0].help()
+
+    assert advice("body.b.m") == ("did you mean `b.m`? Levels are no part of a path",)
+    assert advice("b.I[1]") == ("give the whole vector: `b.I=[…]`",)
+    assert advice("b.M[1,2]") == ("give the whole matrix: `b.M=[[…], …]`",)
+    assert advice("b.mm") == ("did you mean `b.m`?",)
+    assert advice("quite.another") == ()
 
 
 def test_gallery_settings_of_a_group() -> None:
