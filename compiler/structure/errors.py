@@ -99,7 +99,7 @@ class WrongValue(Problem):
 
     code = "E911"
     explanation = (
-        "A value given to a parameter has its type and shape; a setting is a finite number, positive but for `start`, `method` is a name. A "
+        "A value given to a parameter has its type and shape; a setting is a finite number, positive but for `start` and `stop`, `method` a name. A "
         "run ends after its start."
     )
     name: str
