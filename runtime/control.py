@@ -38,7 +38,13 @@ def propose_end(g: Group) -> bool:
         g.end = g.t + h
     g.trial = h
     smallest = SMALLEST * 2.220446049250313e-16 * max(abs(g.t), abs(g.end))
-    return g.end > g.t and (h > max(smallest, g.min_step) or g.end == g.stop)
+    return g.end > g.t and ((h > smallest and h >= g.min_step) or g.end == g.stop)
+
+
+def begin_with(g: Group, h: float) -> None:
+    """Set the first step size: h, but not so small that it is lost beside t, nor below the user's least."""
+    lost = 1000.0 * SMALLEST * 2.220446049250313e-16 * abs(g.t)
+    g.h = max(h, max(lost, g.min_step))  # noqa: PLW3301 - the dialect's max has two arguments
 
 
 def after_acceptance(g: Group, error: float, safety: float) -> None:

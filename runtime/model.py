@@ -90,13 +90,7 @@ class Model:
     @property
     def states(self) -> tuple[str, ...]:
         """Names of all scalar states, in the order of state vectors."""
-        names = []
-        for group in self.plan.groups:
-            for n in group.nodes:
-                node = self.plan.nodes[n]
-                prefix = f"{node.path}." if node.path else ""
-                names += [prefix + s for s in self.plan.classes[node.kind].states]
-        return tuple(names)
+        return self._own.state_names
 
     def initial(self, start: float = 0.0, params: Mapping[str, object] | None = None) -> Floats:
         """Initial values (n,) of all states, SI."""

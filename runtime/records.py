@@ -14,9 +14,10 @@ WAITING = 1.0  # what it reads is not known yet up to the end of its step
 FULL = 2.0  # no room for another segment
 TOO_SMALL = 3.0  # the step size fell to the spacing of doubles at t
 NOT_FINITE = 4.0  # the right-hand side stayed NaN or infinite however small the step
+TOO_MANY = 5.0  # the group has taken as many steps as it may
 # What the kernel returns beside these.
-DONE = 5.0
-PAUSED = 6.0  # the budget of this call is used up
+DONE = 6.0
+PAUSED = 7.0  # the budget of this call is used up
 
 
 class Source(Record):
@@ -42,6 +43,7 @@ class Group(Record):
     min_step: float
     # step-size control
     rtol: float
+    floor: float  # absolute tolerance of what other groups read beside the states
     last_error: float
     last_size: float
     rate: float  # convergence rate of the last Newton iteration
@@ -84,6 +86,7 @@ class Group(Record):
     order: float  # of the error estimate: err ~ h**order
     # counters
     steps: int
+    most_steps: int  # that it may take
     rejected: int
     evaluations: int
     iterations: int

@@ -27,6 +27,8 @@ from hierc.runtime.trajectory import GroupTrajectory
 Floats = NDArray[np.float64]
 #: Tolerances are tightened by the first for each reading edge, to the second at least.
 TIGHTEN = (0.3, 0.03)
+#: No tolerance is smaller than some dozen roundings.
+LEAST_RTOL = 1e-14
 #: Step attempts, for each group, from which the probe learns.
 PROBE_ATTEMPTS = 24
 AUTO = "auto"
@@ -161,13 +163,19 @@ def group_settings(
         if "rtol" in own and "atol" not in own:
             merged["atol"] = own["rtol"]
         rtol, atol = _positive("rtol", merged["rtol"]), _positive("atol", merged["atol"])
+        if rtol < LEAST_RTOL:
+            raise SettingError(f"rtol must be at least {LEAST_RTOL:g}, not {rtol!r}: doubles hold no more")
         method = merged["method"]
         if method not in METHODS and method != AUTO:
             raise SettingError(f"unknown method `{method}`; there are {AUTO}, {', '.join(METHODS)}")
         max_step = math.inf if merged["max_step"] == math.inf else _positive("max_step", merged["max_step"])
         result.append(
             GroupSettings(
-                method, rtol * factor, atol * factor, max_step, _finite("min_step", merged["min_step"])
+                method,
+                max(rtol * factor, LEAST_RTOL),
+                atol * factor,
+                max_step,
+                _finite("min_step", merged["min_step"]),
             )
         )
     return result

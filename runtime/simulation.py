@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from hierc.runtime import choice, records
 from hierc.runtime.contract import Plan
+from hierc.runtime.errors import SettingError
 from hierc.runtime.layout import Memory
 from hierc.runtime.machine.dialect import RecordArray
 from hierc.runtime.machine.forms import Wiring
@@ -89,9 +90,14 @@ class Simulation:
         arrays["x"][layout.states] = self.initial
         arrays["p"][layout.values] = [v for node in layout.value_nodes for v in self.system.values[node]]
         nominal = np.array([w for node in self.system.order for w in self.system.nominal(node)])
+        if not (nominal > 0.0).all():
+            name, line = self.system.state_at(int(np.argmin(nominal > 0.0)))
+            raise SettingError(f"the `nominal` of `{name}` (line {line}) must be positive")
         atol = np.array([s.atol for s in self.settings])
         arrays["absolute"][layout.scales] = atol[layout.group_of_state] * nominal
+        groups["most_steps"][:] = np.iinfo(np.int64).max
         groups["t"][:], groups["stop"][:], groups["capacity"][:] = self.start, self.stop, _ROOM
+        groups["floor"][:count] = atol
         groups["rtol"][:count] = [s.rtol for s in self.settings]
         groups["max_step"][:count] = [s.max_step for s in self.settings]
         groups["min_step"][:count] = [s.min_step for s in self.settings]
@@ -100,6 +106,8 @@ class Simulation:
         self, progress: Callable[[float], None] | None = None, most_steps: int | None = None
     ) -> Status:
         """Go on until the stop, a failure, or Ctrl-C. Returns how it ended."""
+        if most_steps is not None:
+            self.groups["most_steps"][:] = most_steps
         try:
             while True:
                 outcome = self._slice()
@@ -117,8 +125,6 @@ class Simulation:
                     return status
                 if progress is not None:
                     progress(float(self.groups["t"].min()))
-                if most_steps is not None and self.groups["steps"].max() > most_steps:
-                    return self._too_many(most_steps)
         except KeyboardInterrupt:
             return Status("INTERRUPTED", f"interrupted at {self.reached:.6g} s")
 
@@ -222,36 +228,46 @@ class Simulation:
 
     def _failure(self, outcome: float) -> Status:
         g = int(self.run["group"][0])
+        if outcome == records.TOO_MANY:
+            return self._too_many(g, int(self.groups["most_steps"][g]))
         t, h = float(self.groups["t"][g]), float(self.groups["trial"][g])
         state, line, finite = self._culprit(g)
         where = f"group `{self.plan.groups[g].name}`, state `{state}`" + (f" (line {line})" if line else "")
-        if outcome == records.NOT_FINITE and not finite:
+        if not finite:
             return Status(
-                "NOT_FINITE", f"the derivative of `{state}` is not a finite number at t = {t:.9g} s ({where})"
+                "NOT_FINITE",
+                f"the derivative of `{state}` is not a number just after t = {t:.9g} s ({where})",
             )
+        least = self.settings[g].min_step
+        if h <= least:
+            reason = f"its `min_step` of {least:g} s does not allow"
+            return Status("STEP_TOO_SMALL", f"at t = {t:.9g} s {where} needs a step smaller than {reason}")
         return Status(
             "STEP_TOO_SMALL",
             f"at t = {t:.9g} s the step of {where} had to become smaller than {h:.3g} s: "
             "its derivative jumps or grows without bound there",
         )
 
-    def _too_many(self, most: int) -> Status:
-        g = int(self.groups["steps"].argmax())
+    def _too_many(self, g: int, most: int) -> Status:
         name = self.plan.groups[g].name
         t = float(self.groups["t"][g])
-        return Status(
-            "TOO_MANY_STEPS", f"group `{name}` took more than {most} steps and is only at t = {t:.6g} s"
-        )
+        return Status("TOO_MANY_STEPS", f"group `{name}` took {most} steps and is only at t = {t:.6g} s")
 
     def _culprit(self, g: int) -> tuple[str, int, bool]:
         """Name and line of the state that failed: one whose derivative is not finite there, else the largest relative derivative."""
         t = float(self.groups["t"][g])
         x = self._states_at(t, g)
-        dx = self.system.rhs(t, x)
         own = self._slice_of(g)
-        bad = ~np.isfinite(dx[own]) | ~np.isfinite(x[own])
-        k = int(np.argmax(bad if bad.any() else np.abs(dx[own]) / (1.0 + np.abs(x[own]))))
-        return *self.system.state_at(own.start + k), not bad.any()
+        dx = self.system.rhs(t, x)
+        ahead = max(self.groups["previous"][g], 1e3 * np.spacing(max(abs(t), 1e-9))) * 1e-6
+        later = x.copy()
+        later[own] += ahead * np.nan_to_num(dx[own])
+        for state, slope in ((x, dx), (later, self.system.rhs(t + ahead, later))):
+            bad = ~np.isfinite(slope[own]) | ~np.isfinite(state[own])
+            if bad.any():
+                return *self.system.state_at(own.start + int(np.argmax(bad))), False
+        k = int(np.argmax(np.abs(dx[own]) / (1.0 + np.abs(x[own]))))
+        return *self.system.state_at(own.start + k), True
 
     def _slice_of(self, g: int) -> slice:
         """Where a group's states stand in the state vector."""

@@ -88,12 +88,22 @@ class System:
             self._filled(n, self.kind(n).fill, self.kind(n).values) for n in range(len(self.plan.nodes))
         )
 
+    @cached_property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of all scalar states, as results and files have them."""
+        names = [""] * self.size
+        for v in self.plan.variables:
+            for (node, what, index), place in zip(v.elements, np.ndindex(v.shape), strict=True):
+                if what == "state" and not names[self.offsets[node] + index]:
+                    subscript = f"[{','.join(str(i + 1) for i in place)}]" if place else ""
+                    names[self.offsets[node] + index] = v.path + subscript
+        return tuple(names)
+
     def state_at(self, k: int) -> tuple[str, int]:
-        """Path of scalar state k of the state vector, and the line of its equation."""
+        """Name of scalar state k of the state vector, and the line of its equation."""
         node = next(n for n in reversed(self.order) if self.offsets[n] <= k and self.kind(n).states)
-        kind, path = self.kind(node), self.plan.nodes[node].path
-        index = k - self.offsets[node]
-        return (f"{path}.{kind.states[index]}" if path else kind.states[index]), kind.lines[index]
+        kind, index = self.kind(node), k - self.offsets[node]
+        return self.state_names[k] or kind.states[index], kind.lines[index]
 
     def nominal(self, node: int) -> list[float]:
         """Error scale of each state of a node."""
@@ -123,13 +133,13 @@ class System:
             _, outs = self._outs(t, x)
             for node in range(len(self.plan.nodes)):
                 kind = self.kind(node)
+                own = [_NAN] * len(kind.states)
                 if kind.states:
-                    own = [_NAN] * len(kind.states)
                     _call(kind.start, t, self._inputs(node, x, outs), self.values[node], own)
                     first = self.offsets[node]
                     x[first : first + len(own)] = own
                 for part in range(len(kind.parts)):
-                    self._evaluate(node, part, t, x, outs)
+                    self._evaluate(node, part, t, x, outs, own)
         return x
 
     def rhs(self, t: float, x: Sequence[float] | Floats) -> Floats:
@@ -209,7 +219,7 @@ class System:
         states = self._states(x)
         outs = {n: [_NAN] * self.kind(n).outs for n in range(len(self.plan.nodes))}
         for node, part in self._calls:
-            self._evaluate(node, part, t, x, outs, states)
+            self._evaluate(node, part, t, x, outs, states.get(node, []))
         return states, outs
 
     def _states(self, x: Floats) -> dict[int, list[float]]:
@@ -222,9 +232,8 @@ class System:
         t: float,
         x: Floats,
         outs: dict[int, list[float]],
-        states: Mapping[int, list[float]] | None = None,
+        own: list[float],
     ) -> None:
-        own = (states or self._states(x)).get(node, [])
         function = self.kind(node).parts[part].function
         _call(function, t, own, self._inputs(node, x, outs), _NO_DISCRETE, self.values[node], outs[node])
 

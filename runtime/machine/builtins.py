@@ -146,6 +146,15 @@ def call(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> Operan
                 lower, upper = math.shuffle(a, list(range(n))), math.shuffle(a, list(range(n, 2 * n)))
                 a = math.binary("Add", lower, upper)
             return math.binary("Add", math.extract(a, 0), math.extract(a, 1)) if n == 2 else a
+        case "largest", [Value(type=Float(n)) as a]:
+            lanes = [math.extract(a, k) for k in range(n)]
+            while len(lanes) > 1:
+                lanes = [
+                    # x where it is not below y: so a NaN on either side stays
+                    math.select(math.either(math.compare(">", x, y), math.compare("!=", x, x)), x, y)
+                    for x, y in zip(lanes[::2], lanes[1::2], strict=True)
+                ]
+            return lanes[0]
         case "select", [Value() as mask, a, b]:
             return math.select(mask, a, b)
         case "any_lane", [Value(type=Bool(n)) as mask]:

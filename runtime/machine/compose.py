@@ -260,17 +260,21 @@ class Composer:
 
     def solve_real(self) -> Emitted:
         """solve_real(b, factors): the real eigenvalue's system, in place."""
-        return self._solver("solve_real", 1)
+        return self._solver("solve_real", 1, real=True)
 
-    def _solver(self, name: str, width: int) -> Emitted:
+    def solve_lanes(self) -> Emitted:
+        """solve_lanes(b, factors): the real eigenvalue's system, for a right-hand side in each lane, in place."""
+        return self._solver("solve_lanes", self.lanes, real=True)
+
+    def _solver(self, name: str, width: int, *, real: bool = False) -> Emitted:
         body = self._begin(name, {"b": Pointer(Float(width)), "m": self.narrow})
         b, memory = body.args["b"].ir, body.args["m"].ir
         if self.by_table is not None:
-            function, table = self.by_table.solving(real=width == 1)
+            function, table = self.by_table.solving(real=real, width=width)
             body.builder.call(function.function, [b, memory, table.ir, ir.Constant(I64, self.form.states)])
             return body.end()
         code = LinearCode(self.elimination, self.lanes, body.builder, memory)
-        solve = code.solve_real if width == 1 else code.solve
+        solve = code.solve_real if real else code.solve
         solve(lambda i: body.load(b, i, width), lambda i, v: body.store(b, i, v, width))
         return body.end()
 

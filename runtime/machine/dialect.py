@@ -117,6 +117,11 @@ def total(v: Lanes) -> float:
     return float(v[0])
 
 
+def largest(v: Lanes) -> float:
+    """The largest lane; NaN if a lane is."""
+    return float(np.max(v))
+
+
 def select(mask: Any, a: Lanes, b: Lanes) -> Lanes:
     """a where mask, else b; lane by lane."""
     chosen: Lanes = np.where(mask, a, b)

@@ -239,7 +239,7 @@ class LinearCode:
             store(i, value)
 
     def solve_real(self, load: Callable[[int], Value], store: Callable[[int, Value], None]) -> None:
-        """Solve with the real eigenvalue's matrix alone, for scalars b[i]."""
+        """Solve with the real eigenvalue's matrix alone, for scalars b[i], or for lanes each of which is a right-hand side."""
         b = [load(i) for i in range(self.plan.n)]
         self._substitute(b, self._load_real, lambda a, v: self.math.binary("Mult", a, v))
         for i, value in enumerate(b):

@@ -119,17 +119,21 @@ def _cached(
         ):  # a damaged file is made again
             line, code = (store / f"{name}.o").read_bytes().split(b"\n", 1)
             facts = json.loads(line)
-            if facts.pop("digest") == hashlib.sha256(code).hexdigest():
+            if facts.pop("digest") == _digest(facts, code):
                 return facts, code
     if announce is not None:
         announce(f"compiling {what} for this machine (once)")
     facts, unit = make()
     code = compile_object(unit.text())
     if store is not None:
-        line = json.dumps({**facts, "digest": hashlib.sha256(code).hexdigest()}).encode()
+        line = json.dumps({**facts, "digest": _digest(facts, code)}).encode()
         with suppress(OSError):
             write_whole(store / f"{name}.o", line + b"\n" + code)
     return facts, code
+
+
+def _digest(facts: dict[str, Any], code: bytes) -> str:
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode() + b"\n" + code).hexdigest()
 
 
 def _description(classes: tuple[Class, ...], form: Form, method: str) -> str:
@@ -139,7 +143,8 @@ def _description(classes: tuple[Class, ...], form: Form, method: str) -> str:
     for k in used:
         kind = classes[k]
         functions = [kind.rhs, *(p.function for p in kind.parts), kind.jac]
-        texts.append(repr((k, kind.pattern, [p.outs for p in kind.parts], len(kind.states), kind.outs)))
+        sizes = (len(kind.states), kind.inputs, kind.values, kind.outs)
+        texts.append(repr((k, sizes, kind.pattern, [(p.outs, p.inputs) for p in kind.parts])))
         texts += [_text(f) for f in functions]
     return "\n".join([_runtime_digest(), method, repr(form), *texts])
 

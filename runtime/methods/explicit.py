@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hierc.runtime.control import after_acceptance, after_rejection, propose_end
+from hierc.runtime.control import after_acceptance, after_rejection, begin_with, propose_end
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array, Lanes, at, fma, invoke, lane, outlined, splat, unroll
 from hierc.runtime.methods.method import Names, Piece
-from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_SMALL, WAITING, Group
+from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
 from hierc.runtime.segments import HEADER, covered, read_inputs, segment
 
 Row = tuple[float, ...]
@@ -261,11 +261,13 @@ def step(g: Group, groups: Array[Group]) -> float:
     """Take one step: try sizes until one is accepted. Returns one of the codes of `records.py`."""
     if g.count - g.first >= g.capacity:
         return FULL
+    if g.steps >= g.most_steps:
+        return TOO_MANY
     if g.h <= 0.0:
         if not covered(g, groups, g.t):
             return WAITING
         read_inputs(g, groups, splat(g.t), g.t, g.t, g.u)
-        g.h = invoke(g.initial, g)
+        begin_with(g, invoke(g.initial, g))
         g.evaluations += 1
     while True:
         if not propose_end(g):

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hierc.runtime.control import after_acceptance, after_rejection, power, propose_end
+from hierc.runtime.control import after_acceptance, after_rejection, begin_with, power, propose_end
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array, Lanes, at, invoke, is_finite
 from hierc.runtime.machine.types import LaneConstant, LaneTable
 from hierc.runtime.methods.method import Names, Piece
 from hierc.runtime.methods.radau_pieces import accept, begin, defect, estimate, initial, iterate, refresh
 from hierc.runtime.methods.radau_tables import Tables
-from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_SMALL, WAITING, Group
+from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
 from hierc.runtime.segments import covered, read_inputs
 
 if TYPE_CHECKING:  # given by Radau.step_names
@@ -33,8 +33,6 @@ if TYPE_CHECKING:  # given by Radau.step_names
 MOST_ITERATIONS = 8
 #: Fresh Jacobians at the current iterate before a stalled iteration is given up.
 MOST_REFRESHES = 2
-#: A step over more segments of one source than this is checked for inputs it cannot see.
-FEW_SEGMENTS = 2
 #: Failed trials of one step before the right-hand side itself is blamed.
 MOST_REJECTIONS = 60
 
@@ -46,18 +44,20 @@ def step(g: Group, groups: Array[Group]) -> float:
     """Take one step: try sizes until one is accepted. Returns one of the codes of `records.py`."""
     if g.count - g.first >= g.capacity:
         return FULL
+    if g.steps >= g.most_steps:
+        return TOO_MANY
     if g.h <= 0.0:
         if not covered(g, groups, g.t):
             return WAITING
         read_inputs(g, groups, NODES * 0.0 + g.t, g.t, g.t, g.u)
-        g.h = invoke(g.initial, g)
+        begin_with(g, invoke(g.initial, g))
         g.evaluations += 1
     while True:
         if not propose_end(g):
             return TOO_SMALL
         if not covered(g, groups, g.end):
             return WAITING
-        segments = read_inputs(g, groups, g.t + g.trial * NODES, g.t, g.end, g.u)
+        read_inputs(g, groups, g.t + g.trial * NODES, g.t, g.end, g.u)
         iterations = newton(g)
         if iterations == 0:
             g.failures += 1
@@ -71,11 +71,10 @@ def step(g: Group, groups: Array[Group]) -> float:
         if error >= 1.0 and (g.count == 0 or g.rejections > 0):
             error = invoke(g.estimate, g, 1)
             g.evaluations += 1
-        if segments > FEW_SEGMENTS and error < 1.0:
-            t = g.t + g.trial * BETWEEN_NODES
-            read_inputs(g, groups, t, g.t, g.end, at(g.u, g.inputs))
+        if error < 1.0:
+            read_inputs(g, groups, g.t + g.trial * BETWEEN_NODES, g.t, g.end, at(g.u, g.inputs))
             error = max(error, invoke(g.defect, g))
-            g.evaluations += 2
+            g.evaluations += 1
         safety = 0.9 * (2.0 * MOST_ITERATIONS + 1.0) / (2.0 * MOST_ITERATIONS + iterations)
         if error < 1.0:
             invoke(g.accept, g)
@@ -204,14 +203,18 @@ class Radau:
             "BETWEEN_NODES": LaneConstant(middles + (1.0,) * (lanes - s)),
         }
 
-    def _between(self) -> tuple[tuple[float, ...], ...]:
-        """Lagrange interpolation from the stages and the start to the places between them: row j for the value at stage j (the start last)."""
+    def _between(self, *, derivative: bool = False) -> tuple[tuple[float, ...], ...]:
+        """Lagrange interpolation from the stages and the start to the places between them, or its derivative by theta.
+
+        Row j is for the value at stage j, the last for the start.
+        """
         s = self.tables.stages
         nodes = np.array([*self.tables.nodes, 0.0])
         middles = (np.array([0.0, *self.tables.nodes[:-1]]) + self.tables.nodes) / 2.0
-        weights = np.linalg.solve(
-            np.vander(nodes, increasing=True).T, np.vander(middles, s + 1, increasing=True).T
-        )
+        powers = np.vander(middles, s + 1, increasing=True).T
+        if derivative:
+            powers = np.vstack([np.zeros(s), np.arange(1, s + 1)[:, None] * powers[:-1]])
+        weights = np.linalg.solve(np.vander(nodes, increasing=True).T, powers)
         return tuple((*map(float, row), *[0.0] * (self.lanes - s)) for row in weights)
 
     def names(self, composer: Composer) -> Names:
@@ -220,7 +223,8 @@ class Radau:
         half = lanes // 2
         offsets = {"Z": 0, "W": n, "Y": 2 * n, "F": 3 * n, "V": 4 * n}
         offsets["OUT"] = 4 * n + composer.saved
-        offsets["FACTORS"] = offsets["OUT"] + len(composer.form.published)
+        offsets["SEEN"] = offsets["OUT"] + len(composer.form.published)
+        offsets["FACTORS"] = offsets["SEEN"] + len(composer.form.published)
         middle = s // 2
         real, imaginary = tables.eigenvalues[:half], tables.eigenvalues[half:]
         names = {
@@ -229,6 +233,7 @@ class Radau:
             "N": n,
             "INPUTS": composer.form.inputs,
             "BETWEEN": LaneTable(self._between()),
+            "SLOPE": LaneTable(self._between(derivative=True)),
             "LANES": lanes,
             "STAGES": s,
             "HALF": half,
@@ -248,6 +253,7 @@ class Radau:
             "publish": composer.publish(),
             "factor": composer.factor(tables.eigenvalues, middle),
             "solve": composer.solve(),
+            "solve_lanes": composer.solve_lanes(),
             "solve_real": composer.solve_real(),
         }
         elimination = composer.elimination

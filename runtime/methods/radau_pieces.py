@@ -13,7 +13,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from hierc.runtime.machine.dialect import Array, Lanes, at, fma, lane, put, swap_halves, total, unroll
+from hierc.runtime.machine.dialect import (
+    Array,
+    Lanes,
+    at,
+    fma,
+    lane,
+    largest,
+    put,
+    swap_halves,
+    total,
+    unroll,
+)
 from hierc.runtime.records import Group
 from hierc.runtime.segments import HEADER, segment
 
@@ -32,6 +43,7 @@ if TYPE_CHECKING:  # given by Radau.names
     F: int
     V: int
     OUT: int
+    SEEN: int
     FACTORS: int
     NODES: Lanes
     BETWEEN_NODES: Lanes
@@ -44,6 +56,7 @@ if TYPE_CHECKING:  # given by Radau.names
     FROM_EIGEN: Array[Lanes]
     TO_POWERS: Array[Lanes]
     BETWEEN: Array[Lanes]
+    SLOPE: Array[Lanes]
 
     def rhs_fixed(t: Lanes, u: Array[Lanes], p: Array[float], v: Array[Lanes]) -> None: ...
     def rhs(
@@ -54,6 +67,7 @@ if TYPE_CHECKING:  # given by Radau.names
         t: float, h: float, x: Array[Lanes], u: Array[Lanes], p: Array[float], factors: Array[Lanes]
     ) -> None: ...
     def solve(b: Array[Lanes], factors: Array[Lanes]) -> None: ...
+    def solve_lanes(b: Array[Lanes], factors: Array[Lanes]) -> None: ...
     def solve_real(b: Array[float], factors: Array[Lanes]) -> None: ...
 
 
@@ -176,30 +190,48 @@ def estimate(g: Group, again: int) -> float:
 
 
 def defect(g: Group) -> float:
-    """Norm of what a step cannot see of its inputs: their deviation, between the stages, from the polynomial through the stages.
+    """Norm of the error between the knots: of the step's polynomials for the states, and of those for what other groups read.
 
-    A reader whose steps are long beside those of what it reads samples its inputs too thinly, and its error estimate, made of the same samples, would
-    not show it. Here the right-hand side is compared at points between the stages with the inputs as they are and as the stages make them seem.
+    Between the stages, the derivative of the states' polynomial is compared with the right-hand side at its values and the inputs as they are there; the
+    Newton matrix turns the difference into an error of the states. So inputs that move faster than the stages can see show, as does a solution
+    that turns faster than its polynomial. What other groups read is computed there and compared with its own polynomial.
     """
     y = at(g.work, Y)
     z = at(g.work, Z)
     f = at(g.work, F)
-    w = at(g.work, W)
-    seen = at(g.u, 2 * INPUTS)
-    for k in range(INPUTS):
-        seen[k] = between(g.u[k])
+    u = at(g.u, INPUTS)
+    t = g.t + g.trial * BETWEEN_NODES
     for i in range(N):
         y[i] = g.x[i] + between(z[i])
-    t = g.t + g.trial * BETWEEN_NODES
-    rhs_fixed(t, at(g.u, INPUTS), g.p, at(g.work, V))
-    rhs(t, y, at(g.u, INPUTS), g.p, f, at(g.work, V))
-    rhs_fixed(t, seen, g.p, at(g.work, V))
-    rhs(t, y, seen, g.p, w, at(g.work, V))
+    rhs_fixed(t, u, g.p, at(g.work, V))
+    rhs(t, y, u, g.p, f, at(g.work, V))
+    for i in range(N):
+        f[i] = g.trial * f[i] - slope(z[i])
+    solve_lanes(f, at(g.work, FACTORS))
     norm = NODES * 0.0
     for i in range(N):
-        q = g.trial * (f[i] - w[i]) * (1.0 / (g.absolute[i] + g.rtol * abs(g.x[i])))
+        q = f[i] * (1.0 / (g.absolute[i] + g.rtol * abs(g.x[i])))
         norm = fma(q, q, norm)
-    return math.sqrt(total(norm * STAGE_MASK) * (1.0 / (N * STAGES)))
+    worst = largest(norm * STAGE_MASK) * (1.0 / N)
+    if PUBLISHED > 0:
+        out = at(g.work, OUT)
+        seen = at(g.work, SEEN)
+        for i in range(N):
+            f[i] = g.x[i] + z[i]
+        publish(g.t + g.trial * NODES, f, g.u, g.p, out)
+        publish(t, y, u, g.p, seen)
+        for k in range(PUBLISHED):
+            q = (seen[k] - between(out[k])) / (g.floor + g.rtol * abs(seen[k]))
+            worst = max(worst, largest(q * q * STAGE_MASK))
+    return math.sqrt(worst)
+
+
+def slope(z: Lanes) -> Lanes:
+    """Stage increments to the derivatives of their polynomial, by theta, between the stages."""
+    a = lane(z, 0) * SLOPE[0]
+    for j in unroll(STAGES - 1):
+        a = fma(lane(z, j + 1), SLOPE[j + 1], a)
+    return a
 
 
 def between(v: Lanes) -> Lanes:
@@ -212,7 +244,6 @@ def between(v: Lanes) -> Lanes:
 
 def accept(g: Group) -> float:
     """Write the step's segment and advance the states."""
-    y = at(g.work, Y)
     z = at(g.work, Z)
     piece = segment(g, g.count)
     piece[0] = g.t
@@ -221,10 +252,7 @@ def accept(g: Group) -> float:
     piece[3] = g.trial
     coefficients = at(piece, HEADER)
     if PUBLISHED > 0:
-        for i in range(N):
-            y[i] = g.x[i] + z[i]
-        out = at(g.work, OUT)
-        publish(g.t + g.trial * NODES, y, g.u, g.p, out)
+        out = at(g.work, OUT)  # filled by `defect`
         for k in range(PUBLISHED):
             start = lane(out[k], STAGES)
             put(at(coefficients, (N + k) * LANES), to_powers(out[k] - start, start))

@@ -54,6 +54,6 @@ def test_a_run_reports_its_choice() -> None:
   diff {{ for i in 1..40 {{ x[i]' = 0.02*sin(s*x[i]) {extra}; }} }}
 }}"""
     loose = hierc.load(text.format(extra="")).simulate(stop=2.0)
-    stiff = hierc.load(text.format(extra="- 1e5*(x[i] - cos(time))")).simulate(stop=2.0)
+    stiff = hierc.load(text.format(extra="- 1e5*(x[i] - cos(1 [1/s]*time))")).simulate(stop=2.0)
     assert {s.method for s in loose.stats.values()} <= {"tsit5", "dop853"}
     assert {s.method for s in stiff.stats.values()} == {FAVOURITE}

@@ -102,6 +102,8 @@ class Equations:
     def solve_real(self, b: Floats, factors: Floats) -> None:
         b[: self.n] = np.linalg.solve(self.matrices[0].real, b[: self.n])
 
+    solve_lanes = solve_real
+
 
 def python_value(value: Any) -> Any:
     match value:
@@ -186,7 +188,7 @@ def beside(model: Model, methods: Sequence[str], attempts: int) -> None:
         for name in ("t", "trial", "previous", "last_size"):
             assert getattr(record, name) == pytest.approx(machine[name], rel=1e-12), name
         used = record.count * record.stride
-        track = simulation.tracks[g][:used].reshape(-1, record.stride)
+        track = simulation.tracks[g].array[:used].reshape(-1, record.stride)
         assert record.track[:used].reshape(-1, record.stride) == pytest.approx(track, rel=1e-12, abs=1e-9)
 
 
