@@ -259,7 +259,7 @@ class Simulation:
         x = self._states_at(t, g)
         own = self._slice_of(g)
         dx = self.system.rhs(t, x)
-        ahead = max(self.groups["previous"][g], 1e3 * np.spacing(max(abs(t), 1e-9))) * 1e-6
+        ahead = 1e-6 * (float(self.run["stop"][0]) - self.start)
         later = x.copy()
         later[own] += ahead * np.nan_to_num(dx[own])
         for state, slope in ((x, dx), (later, self.system.rhs(t + ahead, later))):

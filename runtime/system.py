@@ -282,7 +282,7 @@ def _checked(parameter: Parameter, value: object) -> Floats:
         if np.asarray(value).dtype.kind not in "biuf":
             raise TypeError
         array = np.asarray(value, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise SettingError(f"`{parameter.path}` is a number or an array of numbers, not {value!r}") from None
     if array.shape != parameter.shape:
         shape = "a number" if not parameter.shape else f"an array of shape {parameter.shape}"

@@ -34,7 +34,7 @@ def _flattened(value: object) -> tuple[Shape, list[float] | None]:
     if hasattr(value, "tolist"):
         value = value.tolist()  # an array
     if isinstance(value, bool | int | float):
-        return (), [value]
+        return (), [value] if abs(value) < float("inf") and abs(value) < 10**300 else None
     if not isinstance(value, Sequence) or isinstance(value, str):
         return (), None
     rows = [_flattened(item) for item in value]

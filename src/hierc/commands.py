@@ -34,7 +34,7 @@ def check(arguments: Namespace) -> int:
     """Report every problem of a model; run nothing."""
     from hierc.compiler.driver import check_source
 
-    source = loader.read(arguments.file)
+    source = loader.read_file(arguments.file)
     warnings = check_source(source, strict_units=arguments.units == "strict")  # raises ModelError
     if arguments.json or warnings:
         show_problems(warnings, as_json=arguments.json)
@@ -47,7 +47,7 @@ def params(arguments: Namespace) -> int:
     from hierc import parameters
 
     given = parse_params(arguments.params)
-    model = loader.prepare(loader.read(arguments.file), arguments.experiment, given).model
+    model = loader.prepare(loader.read_file(arguments.file), arguments.experiment, given).model
     if arguments.json:
         _print_json({"model": model.plan.name, "parameters": parameters.listed(model)})
     else:
@@ -62,7 +62,7 @@ def compile(arguments: Namespace) -> int:
     if arguments.output and arguments.output != "-":
         _check_module(Path(arguments.output), python=arguments.emit == "python")
     text = emit(
-        loader.read(arguments.file),
+        loader.read_file(arguments.file),
         arguments.emit,
         arguments.experiment,
         parse_params(arguments.params),
@@ -88,7 +88,7 @@ def run(arguments: Namespace) -> int:
     outputs = asked_for(arguments.output, arguments.plot)
     params = parse_params(arguments.params)
     began = time.perf_counter()
-    source, strict = loader.read(arguments.file), arguments.units == "strict"
+    source, strict = loader.read_file(arguments.file), arguments.units == "strict"
     loaded = loader.prepare(source, arguments.experiment, params, strict_units=strict)
     compiled = time.perf_counter()
     if not arguments.quiet:
@@ -123,7 +123,7 @@ def graph(arguments: Namespace) -> int:
     if path is not None:
         check_writable(path, (*picture.SUFFIXES, *graph.WRITERS))
     params = parse_params(arguments.params)
-    shown = diagram(model_of(loader.read(arguments.file), arguments.experiment, params))
+    shown = diagram(model_of(loader.read_file(arguments.file), arguments.experiment, params))
     if path is None:
         marks = graph.marks_for(sys.stdout.encoding)
         sys.stdout.write(graph.to_text(shown, marks, shutil.get_terminal_size((100, 24)).columns))

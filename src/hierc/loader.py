@@ -84,11 +84,18 @@ def compile(
 
 def read(source: str | Path) -> SourceFile:
     """The source file that `source` names or holds; see `load`. Raises `hierc.ModelError` if it cannot be read."""
-    from hierc.grammar.reading import read_source
     from hierc.grammar.source import SourceFile
 
     if isinstance(source, str) and "{" in source:
         return SourceFile("<text>", source)
+    return read_file(source)
+
+
+def read_file(source: str | Path) -> SourceFile:
+    """The source file at a path, or of a packaged model. Raises `hierc.ModelError` if it cannot be read."""
+    from hierc.grammar.reading import read_source
+    from hierc.grammar.source import SourceFile
+
     packaged = packaged_models().get(str(source))
     if packaged is not None and not Path(source).exists():
         return SourceFile(packaged.name, packaged.read_text(encoding="utf-8"))
@@ -200,13 +207,22 @@ class _Store:
             self._forget_oldest()
 
     def _member(self, params: Mapping[str, Value], structural: Iterable[str]) -> str:
-        chosen = sorted((name, repr(params[name])) for name in set(structural) & set(params))
+        chosen = sorted((name, _exactly(params[name])) for name in set(structural) & set(params))
         return f"{self.family}-{_digest(json.dumps(chosen))[:16]}"
 
     def _forget_oldest(self) -> None:
         files = sorted(self.folder.glob("*.*"), key=lambda file: file.stat().st_mtime_ns)
         for file in files[: max(len(files) - _KEPT, 0)]:
             file.unlink(missing_ok=True)
+
+
+def _exactly(value: Value) -> str:
+    """A value's text with every digit, the same for equal numbers, lists and arrays."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return f"[{','.join(map(_exactly, value))}]"
+    return float(value).hex() if isinstance(value, bool | int | float) and abs(value) < 1e300 else repr(value)
 
 
 def _import_file(path: Path, name: str) -> ModuleType:

@@ -10,6 +10,7 @@ import pytest
 
 import hierc
 from hierc import loader
+from hierc.cli import main
 
 MODEL = """
 agent Decay(real tau [s] = 0.5, int n = 2) {
@@ -101,3 +102,21 @@ def test_the_text_does_not_depend_on_the_cache(cache: Path) -> None:
     text = hierc.compile(MODEL)
     assert hierc.compile(MODEL) == text
     assert loader.run_module(text, "m.hier").MODEL.plan.name == "Decay"
+
+
+def test_long_arrays_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A structural array is part of the cache's key with all its numbers, and 3 is 3.0."""
+    monkeypatch.setenv("HIERC_CACHE", str(tmp_path / "cache"))
+    text = "agent A(int[1200] k = [1 for i in 1..1200]) { write real[2] x = [1, 2]; diff { x' = [x[k[600]], 0]; } }"
+    first, second = np.ones(1200, np.int64), np.ones(1200, np.int64)
+    second[599] = 2
+    derivatives = [hierc.load(text, params={"k": k}).rhs(0.0, [5.0, 7.0])[0] for k in (first, second, first)]
+    assert derivatives == [5.0, 7.0, 5.0]
+
+
+def test_a_path_is_never_taken_for_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "a{b}"
+    folder.mkdir()
+    (folder / "lag.hier").write_text("agent Lag() { write real x = 1; diff { x' = -x; } }")
+    assert main(["check", str(folder / "lag.hier")]) == 0
+    assert "no errors" in capsys.readouterr().err
