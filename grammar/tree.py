@@ -2,6 +2,8 @@
 
 The tree is what the grammar says and no more: names are not resolved, shapes and units not checked. Names of nodes follow the rules of
 `hier.lark`. `span` never takes part in comparison, so two texts that differ in layout give equal trees.
+
+It is long because it is a list: one small type for each construct of the grammar, closed unions between them.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ constant table of places. All entries are packed complex numbers; below the pivo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from llvmlite import ir
@@ -88,30 +88,8 @@ def solve_by_table(b: Array[Lanes], m: Array[Lanes], table: Array[int], pivots: 
         b[row] = times(m[place], left)
 
 
-def solve_real_by_table(b: Array[float], m: Array[float], table: Array[int], pivots: int) -> None:
-    """As `solve_by_table` for the real eigenvalue alone: lane 0 of each entry."""
-    c = 0
-    for _ in range(pivots):
-        known = b[table[c]]
-        count = table[c + 1]
-        c += 2
-        for _ in range(count):
-            b[table[c + 1]] = b[table[c + 1]] - m[table[c] * LANES] * known
-            c += 2
-    for _ in range(pivots):
-        row = table[c]
-        count = table[c + 1]
-        place = table[c + 2]
-        left = b[row]
-        c += 3
-        for _ in range(count):
-            left = left - m[table[c] * LANES] * b[table[c + 1]]
-            c += 2
-        b[row] = m[place * LANES] * left
-
-
-def solve_lanes_by_table(b: Array[Lanes], m: Array[float], table: Array[int], pivots: int) -> None:
-    """As `solve_real_by_table`, for a right-hand side in each lane."""
+def solve_real_by_table(b: Array[Lanes], m: Array[float], table: Array[int], pivots: int) -> None:
+    """As `solve_by_table` for the real eigenvalue alone, lane 0 of each entry; each lane of b is a right-hand side (there may be one)."""
     c = 0
     for _ in range(pivots):
         known = b[table[c]]
@@ -190,10 +168,8 @@ class TableCode:
             table += [pivot, len(right), self.places[pivot, pivot]]
             for j in right:
                 table += [self.places[pivot, j], j]
-        function: Callable[..., None] = solve_by_table
-        if real:
-            function = solve_real_by_table if width == 1 else solve_lanes_by_table
-        return self.unit.dialect(function, self.lanes, self.names), self._constant("solve_table", table)
+        made = self.unit.dialect(solve_real_by_table if real else solve_by_table, width, self.names)
+        return made, self._constant("solve_table", table)
 
     def _constant(self, name: str, numbers: list[int]) -> Value:
         kind = ir.ArrayType(I64, len(numbers))

@@ -5,7 +5,7 @@ not listed here is refused with `UnsupportedCode`; nothing of the text is ever e
 the kernel, and it is the whole of the dialect's meaning.
 
 With lanes, a branch whose condition differs from lane to lane is evaluated on both sides and blended; all operations are pure, so only the chosen
-side is seen.
+side is seen. Statements and expressions call each other, so they stand in one class and one file.
 """
 
 from __future__ import annotations
