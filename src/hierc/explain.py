@@ -89,7 +89,8 @@ def problem_kinds() -> dict[str, type[Problem]]:
         for module in walk_packages(import_module(package).__path__, f"{package}."):
             if module.name.rpartition(".")[2] in ("errors", "unsupported"):
                 import_module(module.name)
-    kinds = (kind for kind in _below(Problem) if isinstance(vars(kind).get("code"), str))
+    ours = (kind for kind in _below(Problem) if kind.__module__.startswith("hierc."))
+    kinds = (kind for kind in ours if isinstance(vars(kind).get("code"), str))
     return {kind.code: kind for kind in sorted(kinds, key=lambda kind: (kind.code[1:], kind.code))}
 
 
