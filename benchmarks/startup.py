@@ -25,7 +25,7 @@ from tables import markdown
 _MODEL = CASES["cart"].model
 _HERE = Path(__file__).parent
 #: What the edits change, each in one place of the cart's text.
-_EQUATION = "x'   = v*cos(th);"
+_EQUATION = "ex = cos(th)*(tx - x)"
 _NUMBER = "real kv [1/s] = 30,"
 _SCIPY = """\
 from scipy.integrate import solve_ivp
@@ -70,7 +70,8 @@ def _measurements(repeat: int) -> Iterator[tuple[str, Cost]]:
         yield (
             "hierc run, an equation edited",
             _least(
-                repeat, lambda k: run(_edit(text, _EQUATION, f"x' = v*cos(th)*{k + 2}/{k + 2};"), "cache")
+                repeat,
+                lambda k: run(_edit(text, _EQUATION, f"ex = {k + 2}*cos(th)*(tx - x)/{k + 2}"), "cache"),
             ),
         )
         yield (
