@@ -11,7 +11,6 @@ from typing import Literal, assert_never, get_args
 
 from hierc.compiler.front import analyse, check_file
 from hierc.compiler.model import Model
-from hierc.compiler.resolve.outside import check_given
 from hierc.grammar.parser import parse
 from hierc.grammar.problems import Problem
 from hierc.grammar.source import SourceFile
@@ -59,11 +58,6 @@ def model_of(
 def check_source(source: SourceFile, *, strict_units: bool = False) -> tuple[Problem, ...]:
     """Check everything in a file and give its warnings. Raises ModelError with all problems."""
     return check_file(parse(source), strict_units=strict_units)
-
-
-def check_params(model: Model, params: Mapping[str, object]) -> None:
-    """Check values given by path against a model's parameters: names, types, shapes. Raises ModelError with all problems."""
-    check_given(model.parameters, params)
 
 
 def emit(

@@ -5,7 +5,9 @@ The predictive controller of Gustafsson (ACM TOMS 20, 1994) with the usual limit
 
 from __future__ import annotations
 
-from hierc.runtime.machine.dialect import bits, from_bits
+import math
+
+from hierc.runtime.machine.dialect import Array, Lanes, bits, from_bits, lane
 from hierc.runtime.records import Group
 
 #: Steps below this many spacings of doubles at t make no progress.
@@ -39,6 +41,22 @@ def propose_end(g: Group) -> bool:
     g.trial = h
     smallest = SMALLEST * 2.220446049250313e-16 * max(abs(g.t), abs(g.end))
     return g.end > g.t and ((h > smallest and h >= g.min_step) or g.end == g.stop)
+
+
+def first_size(g: Group, derivatives: Array[Lanes]) -> float:
+    """A first step size, from the size of the states and of their derivatives at the start (Hairer, Norsett and Wanner, II.4)."""
+    size = 0.0
+    speed = 0.0
+    for i in range(g.n):
+        w = 1.0 / (g.absolute[i] + g.rtol * abs(g.x[i]))
+        size += g.x[i] * w * (g.x[i] * w)
+        speed += lane(derivatives[i], 0) * w * (lane(derivatives[i], 0) * w)
+    size = math.sqrt(size / g.n)
+    speed = math.sqrt(speed / g.n)
+    h = 0.01 * size / speed
+    if not (size > 1e-5 and speed > 1e-5):
+        h = 1e-6
+    return h
 
 
 def begin_with(g: Group, h: float) -> None:

@@ -240,8 +240,10 @@ class Simulation:
             )
         least = self.settings[g].min_step
         if h <= least:
-            reason = f"its `min_step` of {least:g} s does not allow"
-            return Status("STEP_TOO_SMALL", f"at t = {t:.9g} s {where} needs a step smaller than {reason}")
+            return Status(
+                "STEP_TOO_SMALL",
+                f"at t = {t:.9g} s {where} needs a step smaller than its `min_step` of {least:g} s",
+            )
         return Status(
             "STEP_TOO_SMALL",
             f"at t = {t:.9g} s the step of {where} had to become smaller than {h:.3g} s: "

@@ -32,6 +32,9 @@ class Unit:
         self.module = ir.Module(name)
         self.module.triple = llvm.get_process_triple()
         self.made: dict[Any, tuple[ir.Function, tuple[Type, ...], Type | None]] = {}
+        self._held: list[
+            Names
+        ] = []  # functions are known by the identity of their constants, which must therefore live
 
     def lower(
         self,
@@ -54,6 +57,7 @@ class Unit:
         key = (function, lanes, id(constants), export)
         if key in self.made:
             return self.made[key]
+        self._held.append(constants)
         kinds, returns = _signature(function, lanes)
         result = ir.VoidType() if returns is None else llvm_type(returns)
         name = export or self.module.get_unique_name(f"{function.__name__}.{lanes}")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hierc.runtime.control import after_acceptance, after_rejection, begin_with, propose_end
+from hierc.runtime.control import after_acceptance, after_rejection, begin_with, first_size, propose_end
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array, Lanes, at, fma, invoke, lane, outlined, splat, unroll
 from hierc.runtime.methods.method import Names, Piece
@@ -79,7 +79,6 @@ if TYPE_CHECKING:  # given by Explicit.names
     LAST_STAGE: int
     DEGREE: int
     WIDTH: int
-    FITTED: int
     PUBLISHED: int
     Y: int
     NEXT: int
@@ -115,23 +114,12 @@ def derivative(g: Group, t: Lanes, x: Array[Lanes], u: Array[Lanes], dx: Array[L
 
 
 def initial(g: Group) -> float:
-    """First stage of the first step, and the step's size (HNW II.4)."""
+    """First stage of the first step, and the step's size."""
     y = at(g.work, Y)
     for i in range(N):
         y[i] = splat(g.x[i])
     derivative(g, splat(g.t), y, g.u, g.work)
-    size = 0.0
-    speed = 0.0
-    for i in range(N):
-        w = 1.0 / (g.absolute[i] + g.rtol * abs(g.x[i]))
-        size += g.x[i] * w * (g.x[i] * w)
-        speed += lane(g.work[i], 0) * w * (lane(g.work[i], 0) * w)
-    size = math.sqrt(size / N)
-    speed = math.sqrt(speed / N)
-    h = 0.01 * size / speed
-    if not (size > 1e-5 and speed > 1e-5):
-        h = 1e-6
-    return h
+    return first_size(g, g.work)
 
 
 def attempt(g: Group) -> float:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from hierc.runtime.control import first_size
 from hierc.runtime.machine.dialect import (
     Array,
     Lanes,
@@ -72,25 +73,14 @@ if TYPE_CHECKING:  # given by Radau.names
 
 
 def initial(g: Group) -> float:
-    """First step size, from the size of the states and of their derivatives at the start (Hairer, Norsett and Wanner, II.4)."""
+    """First step size."""
     y = at(g.work, Y)
     f = at(g.work, F)
     for i in range(N):
         y[i] = NODES * 0.0 + g.x[i]
     rhs_fixed(NODES * 0.0 + g.t, g.u, g.p, at(g.work, V))
     rhs(NODES * 0.0 + g.t, y, g.u, g.p, f, at(g.work, V))
-    size = 0.0
-    speed = 0.0
-    for i in range(N):
-        w = 1.0 / (g.absolute[i] + g.rtol * abs(g.x[i]))
-        size += g.x[i] * w * (g.x[i] * w)
-        speed += lane(f[i], 0) * w * (lane(f[i], 0) * w)
-    size = math.sqrt(size / N)
-    speed = math.sqrt(speed / N)
-    h = 0.01 * size / speed
-    if not (size > 1e-5 and speed > 1e-5):
-        h = 1e-6
-    return h
+    return first_size(g, f)
 
 
 def begin(g: Group) -> float:

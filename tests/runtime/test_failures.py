@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from running import METHODS, run
 from small_models import DECAY, FOLLOWER, OSCILLATOR, At, a_class, a_model
 
+import hierc
 from hierc.runtime.result import SimulationError
 from hierc.runtime.run import FinishedRun
 
@@ -170,3 +171,10 @@ def test_min_step_is_kept() -> None:
     )
     assert finished.status.name == "STEP_TOO_SMALL"
     assert all(np.diff(g.knots)[1:].min(initial=math.inf) >= 0.9e-3 for g in finished.groups[1:2])
+
+
+def test_a_least_step_that_is_too_large_is_named() -> None:
+    """A fast start under a large `min_step`: the message says which setting stands in the way."""
+    model = hierc.load("agent Fast() { write real x = 1; diff { x' = -1e6 [1/s]*x; } }")
+    with pytest.raises(hierc.SimulationError, match=r"needs a step smaller than its `min_step` of 0\.5 s$"):
+        model.simulate(stop=10.0, min_step=0.5, method="tsit5")
