@@ -99,13 +99,6 @@ class Function(NotSupported):
 
 
 @dataclass(frozen=True)
-class NestedLevel(NotSupported):
-    code = "E012"
-    construct = "a level inside a level is"
-    explanation = "Levels are written one after the other in an agent; for a hierarchy inside a level, put an agent with levels into it."
-
-
-@dataclass(frozen=True)
 class Jump(NotSupported):
     """A warning: the model runs, but a change shorter than a step may be missed."""
 

@@ -1,10 +1,10 @@
-"""Detours: a level that depends on a later one of the same agent by way of other agents.
+"""Detours: a level that depends on a later one beside it by way of what stands elsewhere.
 
-In: the nodes and what they read. Out: a `Detour` for each read that leaves an agent with levels and leads back into a later level of it. A read of a
-later level inside the agent is none: `proof.py` reports it as it stands.
+In: the nodes and what they read. Out: a `Detour` for each read that leaves a block, an agent or a level that has levels, and leads back into a later level
+of it. A read of a later level inside the block is none: `proof.py` reports it as it stands.
 
-Agents are looked at together by how many agents with levels stand around them: those of one depth are disjoint. A way out of such an agent and back lies
-in a cycle of the graph in which each of them is one vertex, so where that graph has none, and it seldom has, there is nothing to search.
+Blocks are looked at together by how many of them stand around them: those of one depth are disjoint. A way out of a block and back lies in a cycle of the
+graph in which each of them is one vertex, so where that graph has none, and it seldom has, there is nothing to search.
 """
 
 from __future__ import annotations
@@ -16,18 +16,19 @@ from hierc.compiler.cascade.graphs import components
 from hierc.compiler.expression import Input, Local
 from hierc.compiler.model import Node, Source
 from hierc.compiler.structure.flat import FlatNode, leaves
+from hierc.compiler.structure.instances import Block, Standing
 from hierc.compiler.structure.nodes import LocalNode
 from hierc.grammar.source import Span
 
 
 @dataclass(frozen=True, slots=True)
 class Detour:
-    """Node `reader`, in `level` of `instance`, reads at `span` what depends on the level `later` of it, by way of the nodes `through`.
+    """Node `reader`, in level number `level` of `block`, reads at `span` what depends on level number `later` of it, by way of the nodes `through`.
 
     The last of them reads the later level at `back`.
     """
 
-    instance: int
+    block: Block
     reader: int
     level: int
     later: int
@@ -67,10 +68,10 @@ def detours(flat_nodes: Sequence[FlatNode], nodes: Sequence[LocalNode]) -> Itera
                 yield from search.from_node(here)
 
 
-def _cycles(around: Sequence[tuple[int, int] | None], nodes: Sequence[LocalNode]) -> Iterator[set[int]]:
-    """The nodes of each cycle, where all nodes of an agent with levels count as one vertex."""
-    vertices: dict[tuple[str, int], int] = {}
-    keys = [("node", n) if inside is None else ("instance", inside[0]) for n, inside in enumerate(around)]
+def _cycles(around: Sequence[Standing | None], nodes: Sequence[LocalNode]) -> Iterator[set[int]]:
+    """The nodes of each cycle, where all nodes of a block count as one vertex."""
+    vertices: dict[int | Block, int] = {}
+    keys = [n if inside is None else inside[0] for n, inside in enumerate(around)]
     vertex = [vertices.setdefault(key, len(vertices)) for key in keys]
     reads: list[set[int]] = [set() for _ in vertices]
     for n, here in enumerate(nodes):
@@ -86,9 +87,7 @@ def _cycles(around: Sequence[tuple[int, int] | None], nodes: Sequence[LocalNode]
 class _Search:
     """Follows what nodes read, inside one cycle."""
 
-    def __init__(
-        self, around: Sequence[tuple[int, int] | None], nodes: Sequence[LocalNode], part: set[int]
-    ) -> None:
+    def __init__(self, around: Sequence[Standing | None], nodes: Sequence[LocalNode], part: set[int]) -> None:
         self._around = around
         self._nodes = nodes
         self._part = part
@@ -98,26 +97,26 @@ class _Search:
         inside = self._around[here]
         if inside is None:
             return
-        instance, level = inside
+        block, level = inside
         for source, span in continuous(self._nodes[here]):
-            if source.node in self._part and not self._is_in(source.node, instance):
-                found = self._back(source, instance, level)
+            if source.node in self._part and not self._is_in(source.node, block):
+                found = self._back(source, block, level)
                 if found is not None:
                     through, later, back = found
-                    yield Detour(instance, here, level, later, span, through, back)
+                    yield Detour(block, here, level, later, span, through, back)
 
-    def _is_in(self, node: int, instance: int) -> bool:
+    def _is_in(self, node: int, block: Block) -> bool:
         inside = self._around[node]
-        return inside is not None and inside[0] == instance
+        return inside is not None and inside[0] == block
 
-    def _back(self, start: Source, instance: int, level: int) -> tuple[tuple[int, ...], int, Span] | None:
-        """A shortest way from `start` outside to a level of `instance` later than `level`: the nodes on it, that level, the last read."""
+    def _back(self, start: Source, block: Block, level: int) -> tuple[tuple[int, ...], int, Span] | None:
+        """A shortest way from `start` outside to a level of `block` later than `level`: the nodes on it, that level, the last read."""
         came_from: dict[tuple[int, int | None], Source | None] = {self._key(start): None}
         waiting = [start]
         for at in waiting:  # grows while it is read
             for source, span in self._reads(at):
                 inside = self._around[source.node]
-                if inside is not None and inside[0] == instance:
+                if inside is not None and inside[0] == block:
                     if inside[1] > level:
                         return self._way(at, came_from), inside[1], span
                 elif source.node in self._part and self._key(source) not in came_from:

@@ -122,17 +122,20 @@ class InTwoGroups(Problem):
 class OutsideLevels(Problem):
     code = "E605"
     explanation = (
-        "An agent with levels keeps its sub-agents, states and `diff` blocks in them, so that it is clear where each stands. Only algebraic "
-        "`write` variables may stand outside, as observers."
+        "An agent with levels keeps its sub-agents, states and `diff` blocks in them, so that it is clear where each stands; so does a level "
+        "with levels inside. Only algebraic variables may stand beside levels, as observers."
     )
     agent: str
+    level: str | None  # the level that has levels; None for the agent itself
     what: str  # `a `diff` of its own`, `a state of its own`, `an agent`
 
     def title(self) -> str:
-        return f"agent `{self.agent}` has levels, so it cannot have {self.what} outside them"
+        subject = f"agent `{self.agent}`" if self.level is None else f"level `{self.level}`"
+        return f"{subject} has levels, so it cannot have {self.what} outside them"
 
     def help(self) -> tuple[str, ...]:
-        return ("move it into a level, or into an agent in a level",)
+        inner = "" if self.level is None else f" of `{self.level}`"
+        return (f"move it into a level{inner}, or into an agent in a level",)
 
 
 @dataclass(frozen=True)
@@ -163,6 +166,31 @@ class NoSuchMember(Problem):
 
     def title(self) -> str:
         return f"`{self.pattern}` cannot be a member of this group: {self.reason}"
+
+
+@dataclass(frozen=True)
+class NameTaken(Problem):
+    """A group that `group` makes, and one that is there without it, have one name."""
+
+    code = "E610"
+    explanation = (
+        "Settings, results and `hierc graph` tell groups by name. What `group` leaves of a level keeps the level's name, and an agent that makes a "
+        "group on its own has its path for a name."
+    )
+    name: str
+    kind: Literal["level", "agent"]
+    rest: str  # an agent of the other group
+
+    def title(self) -> str:
+        return f"`{self.name}` is the name of another group too"
+
+    def notes(self) -> tuple[str, ...]:
+        if self.kind == "agent":
+            return (f"agent `{self.rest}` makes a group of that name",)
+        return (f"level `{self.name}` is a group with what no `group` names: `{self.rest}`",)
+
+    def help(self) -> tuple[str, ...]:
+        return ("rename one of them",)
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,22 @@ dependence, then text; nodes are in an order in which each comes after those it 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
-from hierc.compiler.cascade.errors import CyclicGroups, InTwoGroups, LevelWithoutStates, NoSuchMember
+from hierc.compiler.cascade.errors import (
+    CyclicGroups,
+    InTwoGroups,
+    LevelWithoutStates,
+    NameTaken,
+    NoSuchMember,
+)
 from hierc.compiler.cascade.graphs import components, order
 from hierc.compiler.cascade.proof import Cascade
 from hierc.compiler.collector import Collector
 from hierc.compiler.structure.flat import FlatNode
-from hierc.compiler.structure.instances import Instance
+from hierc.compiler.structure.instances import Block, Instance, Standing
 from hierc.compiler.structure.nodes import LocalNode
 from hierc.grammar import tree
 from hierc.grammar.source import Span
@@ -92,7 +99,8 @@ class _Assignment:
     def names(self) -> list[str | None]:
         """The name of each node's group; None for nodes without states."""
         found: list[str | None] = [None] * len(self._nodes)
-        for node, name in self._of_user().items():
+        written = self._of_user()
+        for node, name in written.items():
             found[node] = name
         loose: list[int] = []
         for here in self._nodes:
@@ -108,11 +116,21 @@ class _Assignment:
             name = "+".join(self._flat_nodes[node].path or self._model_name for node in part)
             for node in part:
                 found[node] = name
+        self._check_rest(found, written)
         return [name if self._nodes[n].node.states else None for n, name in enumerate(found)]
 
-    def _level_name(self, instance: int, index: int) -> str:
-        around = self._instances[instance]
-        return around.named(list(around.agent.levels)[index])
+    def _level_name(self, block: Block, index: int) -> str:
+        around = self._instances[block[0]]
+        return around.named(around.agent.inside(block[1])[index])
+
+    def _check_rest(self, names: Sequence[str | None], written: Mapping[int, str]) -> None:
+        """What no `group` names may have the name of none: a level that is split, or an agent."""
+        spans = {i.named(g.name.text): g.name.span for i in self._instances for g in i.agent.groups.values()}
+        rest = {name: node for node, name in enumerate(names) if name is not None and node not in written}
+        for name in rest.keys() & set(written.values()):
+            kind: Literal["level", "agent"] = "level" if self._flat_nodes[rest[name]].levels else "agent"
+            path = self._flat_nodes[rest[name]].path
+            self._problems.add(NameTaken(spans[name], name=name, kind=kind, rest=path))
 
     def _connected(self, loose: Sequence[int]) -> list[list[int]]:
         """Strongly connected sets among nodes that stand in no level."""
@@ -125,7 +143,7 @@ class _Assignment:
         found: dict[int, tuple[str, Span]] = {}
         for instance in self._instances:
             for group in instance.agent.groups.values():
-                levels: set[str | None] = set()
+                levels: set[tuple[Standing, ...]] = set()
                 for pattern in group.members:
                     for node in self._members(instance, pattern, levels):
                         name, first = instance.named(group.name.text), found.get(node)
@@ -138,16 +156,19 @@ class _Assignment:
                         found[node] = (name, pattern.span)
         return {node: name for node, (name, _) in found.items()}
 
-    def _members(self, instance: Instance, pattern: tree.Pattern, levels: set[str | None]) -> list[int]:
-        """The nodes of the agents that a pattern names. `levels` collects the levels of the group's members."""
+    def _members(
+        self, instance: Instance, pattern: tree.Pattern, levels: set[tuple[Standing, ...]]
+    ) -> list[int]:
+        """The nodes of the agents that a pattern names. `levels` collects where the group's members stand."""
         at = instance
         for step in pattern.path.steps:
-            if step.name.text not in at.children:
-                self._refuse(pattern, f"`{step.name.text}` is no agent here")
+            name = step.name.text
+            if name not in at.children:
+                level = name in at.agent.levels
+                self._refuse(pattern, f"`{name}` is {'a level, not an agent' if level else 'no agent here'}")
                 return []
-            at = self._instances[at.children[step.name.text]]
-        level = self._first_step(instance, pattern).level
-        levels.add(level)
+            at = self._instances[at.children[name]]
+        levels.add(at.levels)
         if len(levels) > 1:
             self._refuse(pattern, "its members stand in different levels")
             return []
@@ -158,9 +179,6 @@ class _Assignment:
             self._refuse(pattern, "it has levels, which are groups already")
             return []
         return inside
-
-    def _first_step(self, instance: Instance, pattern: tree.Pattern) -> Instance:
-        return self._instances[instance.children[pattern.path.steps[0].name.text]]
 
     def _within(self, instance: Instance, outer: Instance, *, star: bool) -> bool:
         """Whether an instance is `outer` (not for `outer.*`) or in it."""
@@ -214,11 +232,19 @@ def _warn_of_stateless_levels(
     cascade: Cascade,
     problems: Collector,
 ) -> None:
-    """W611 for each level that has equations but, at any depth, no states."""
-    for instance in instances:
-        for index, (name, level) in enumerate(instance.agent.levels.items()):
-            inside = {n for n, node in enumerate(flat_nodes) if (instance.id, index) in node.levels}
-            if inside and not any(nodes[n].node.states for n in inside):
-                readers = [names[n] for n, direct in enumerate(cascade.direct) if inside & set(direct)]
-                reader = next((r for r in readers if r is not None), None)
-                problems.add(LevelWithoutStates(level.name.span, level=instance.named(name), reader=reader))
+    """W611 for each level that has equations but, at any depth, no states; not for the levels inside it."""
+    members: dict[Standing, set[int]] = {}
+    for n, node in enumerate(flat_nodes):
+        for standing in node.levels:
+            members.setdefault(standing, set()).add(n)
+    told: set[int] = set()
+    for (block, index), inside in sorted(members.items(), key=lambda item: len(item[1]), reverse=True):
+        if inside <= told or any(nodes[n].node.states for n in inside):
+            continue
+        told |= inside
+        around = instances[block[0]]
+        name = around.agent.inside(block[1])[index]
+        readers = [names[n] for n, direct in enumerate(cascade.direct) if inside & set(direct)]
+        reader = next((r for r in readers if r is not None), None)
+        span = around.agent.levels[name].span
+        problems.add(LevelWithoutStates(span, level=around.named(name), reader=reader))

@@ -1,8 +1,8 @@
 """Cascade: who depends on whom, and the proof that no level depends on a later one.
 
 In: the nodes. Out: a `Cascade`: for each node what its equations read, down to the nodes with states. Guaranteed, unless E601 or E606 was
-reported: in every agent with levels, none of them depends continuously on a later one, not even by way of agents outside it. Dependence is what equations
-use after substitution: an unused `read` makes none, and initial values make none.
+reported: in every agent with levels, and in every level with levels, none of them depends continuously on a later one, not even by way of what stands
+elsewhere. Dependence is what equations use after substitution: an unused `read` makes none, and initial values make none.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from hierc.compiler.cascade.errors import BrokenCascade, LaterDerivative
 from hierc.compiler.collector import Collector
 from hierc.compiler.model import Source
 from hierc.compiler.structure.flat import FlatNode
-from hierc.compiler.structure.instances import Instance
+from hierc.compiler.structure.instances import Block, Instance
 from hierc.compiler.structure.nodes import LocalNode
 from hierc.grammar import tree
 from hierc.grammar.source import Span
@@ -87,25 +87,24 @@ def _origins(here: LocalNode, nodes: Sequence[LocalNode]) -> list[Reads]:
 def _broken(
     instances: Sequence[Instance], reader: FlatNode, owner: FlatNode, source: Source, span: Span
 ) -> BrokenCascade | LaterDerivative | None:
-    """The problem if the reader stands in an earlier level of some agent than what it reads."""
+    """The problem if the reader stands in an earlier level of some block than what it reads."""
     levels = dict(owner.levels)
-    for instance, index in reader.levels:
-        if instance in levels and levels[instance] > index:
-            return _problem(
-                instances, instances[instance], (reader, index), (owner, levels[instance]), source, span
-            )
+    for block, index in reader.levels:
+        if block in levels and levels[block] > index:
+            return _problem(instances, block, (reader, index), (owner, levels[block]), source, span)
     return None
 
 
 def _problem(
     instances: Sequence[Instance],
-    around: Instance,
+    block: Block,
     reader: tuple[FlatNode, int],
     owner: tuple[FlatNode, int],
     source: Source,
     span: Span,
 ) -> BrokenCascade | LaterDerivative:
-    names = list(around.agent.levels)
+    around = instances[block[0]]
+    names = around.agent.inside(block[1])
     reading, owning = _member(instances, around, reader[0]), _member(instances, around, owner[0])
     bind = _binding(instances, reader[0].instance, span)
     if source.kind == "rate" and bind is not None:
@@ -128,8 +127,8 @@ def _roundabout(
     instances: Sequence[Instance], flat_nodes: Sequence[FlatNode], detour: Detour
 ) -> BrokenCascade:
     """The problem of a level that reads a later one by way of other agents."""
-    around, reader = instances[detour.instance], flat_nodes[detour.reader]
-    names = list(around.agent.levels)
+    around, reader = instances[detour.block[0]], flat_nodes[detour.reader]
+    names = around.agent.inside(detour.block[1])
     member = _member(instances, around, reader)
     bind = _binding(instances, reader.instance, detour.span)
     return BrokenCascade(

@@ -107,29 +107,27 @@ class _AgentEquations:
 
     def _is_outside(self, equation: Equation) -> bool:
         """Whether E605 is reported for it already."""
-        return bool(self._agent.levels) and equation.level is None and equation.kind == "diff"
+        return equation.kind == "diff" and equation.level in self._agent.divided()
 
     def _levels(self) -> None:
-        """An agent with levels keeps everything but observers in them."""
-        for span, what in _outside(self._agent):
-            self._problems.add(OutsideLevels(span, agent=self._agent.name, what=what))
+        """What is divided into levels, an agent or a level of it, keeps everything but observers in them."""
+        for span, what, level in _outside(self._agent):
+            self._problems.add(OutsideLevels(span, agent=self._agent.name, level=level, what=what))
 
 
-def _outside(agent: Agent) -> Iterator[tuple[Span, str]]:
-    """What stands outside the levels of an agent and may not."""
+def _outside(agent: Agent) -> Iterator[tuple[Span, str, str | None]]:
+    """What stands beside levels and may not, and the level it stands in."""
+    divided = agent.divided()
     for variable in agent.variables.values():
-        if (
-            variable.level is None
-            and variable.decl.access != "read"
-            and variable.declarator.initial is not None
-        ):
-            yield variable.span, "a state of its own"
+        state = variable.decl.access != "read" and variable.declarator.initial is not None
+        if state and variable.level in divided:
+            yield variable.span, "a state of its own", variable.level
     for equation in agent.equations:
-        if equation.level is None and equation.kind == "diff":
-            yield equation.equation.target.span, "a `diff` of its own"
+        if equation.kind == "diff" and equation.level in divided:
+            yield equation.equation.target.span, "a `diff` of its own", equation.level
     for sub in agent.subs.values():
-        if sub.level is None:
-            yield sub.instance.name.span, "an agent"
+        if sub.level in divided:
+            yield sub.instance.name.span, "an agent", sub.level
 
 
 def _place(level: str | None) -> str:

@@ -36,6 +36,19 @@ class Variable:
 
 
 @dataclass(frozen=True, slots=True)
+class Level:
+    """A level, the one around it, and its place among those that stand beside it."""
+
+    level: tree.Level
+    outer: str | None
+    index: int
+
+    @property
+    def span(self) -> Span:
+        return self.level.name.span
+
+
+@dataclass(frozen=True, slots=True)
 class Let:
     let: tree.Let
     level: str | None
@@ -69,7 +82,7 @@ class Agent:
     variables: Mapping[str, Variable]
     lets: Mapping[str, Let]
     subs: Mapping[str, Sub]
-    levels: Mapping[str, tree.Level]
+    levels: Mapping[str, Level]  # at any depth, each after the one around it
     equations: tuple[Equation, ...]
     invariants: tuple[tree.Invariant, ...]
     groups: Mapping[str, tree.Group]
@@ -85,6 +98,22 @@ class Agent:
     def writes(self) -> tuple[str, ...]:
         """Names of the `write` variables."""
         return tuple(v.name for v in self.variables.values() if v.decl.access == "write")
+
+    def around(self, level: str | None) -> tuple[str, ...]:
+        """The levels around what stands in `level`, from the outside in; the last is `level` itself."""
+        found: list[str] = []
+        while level is not None:
+            found.append(level)
+            level = self.levels[level].outer
+        return tuple(reversed(found))
+
+    def inside(self, outer: str | None) -> tuple[str, ...]:
+        """The levels directly in a level, or directly in the agent (None), slowest first."""
+        return tuple(name for name, level in self.levels.items() if level.outer == outer)
+
+    def divided(self) -> frozenset[str | None]:
+        """What is divided into levels: the agent itself (None) if it has any, and each level that has some inside."""
+        return frozenset(level.outer for level in self.levels.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +190,7 @@ class _AgentSorter:
         self._variables: dict[str, Variable] = {}
         self._lets: dict[str, Let] = {}
         self._subs: dict[str, Sub] = {}
-        self._levels: dict[str, tree.Level] = {}
+        self._levels: dict[str, Level] = {}
         self._equations: list[Equation] = []
         self._invariants: list[tree.Invariant] = []
         self._groups: dict[str, tree.Group] = {}
@@ -223,10 +252,9 @@ class _AgentSorter:
                 self._equations.append(Equation(kind, item, None, level))
 
     def _level(self, item: tree.Level, outer: str | None) -> None:
-        if outer is not None:
-            self._problems.add(unsupported.NestedLevel(item.name.span))
-        elif self._level_names.new(item.name):
-            self._levels[item.name.text] = item
+        if self._level_names.new(item.name):
+            index = sum(level.outer == outer for level in self._levels.values())
+            self._levels[item.name.text] = Level(item, outer, index)
             for inner in item.items:
                 self._item(inner, item.name.text)
 

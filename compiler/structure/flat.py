@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from typing import Literal, assert_never
 
 from hierc.compiler.expression import Apply, Choose, Expr, Input, Local, Number, Parameter, Rate, State, Time
-from hierc.compiler.structure.instances import Instance, Place
+from hierc.compiler.structure.instances import Instance, Place, Standing
 from hierc.grammar.source import Span
 
 
 @dataclass(frozen=True, slots=True)
 class FlatNode:
-    """A node of grouping. `observer`: algebraic variables that stand outside the levels of their agent."""
+    """A node of grouping. `observer`: algebraic variables that stand beside levels, of their agent or in a level of it."""
 
     instance: Instance
     level: str | None
@@ -25,9 +25,7 @@ class FlatNode:
     path: str
     template: str
     span: Span
-    levels: tuple[
-        tuple[int, int], ...
-    ]  # the levels around it, from the outside: (instance, index of its level)
+    levels: tuple[Standing, ...]  # the levels around it, from the outside
     place: Place
 
 

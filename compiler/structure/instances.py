@@ -17,11 +17,17 @@ from hierc.grammar import tree
 
 #: Most agents of a model.
 MAX_INSTANCES = 100_000
-#: Deepest nesting of agents.
+#: Deepest nesting of agents and levels.
 MAX_NESTING = 64
 
 #: A place in the text: positions from the outside in, to be compared.
 Place = tuple[tuple[float, int], ...]
+
+#: What has levels: an agent, by its id and None, or a level of it, by its name.
+Block = tuple[int, str | None]
+
+#: A level, as a block and the index of the level among those of the block.
+Standing = tuple[Block, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,16 +39,27 @@ class Instance:
     agent: Agent
     parent: int | None
     instance: tree.Instance | None
-    level: str | None  # of the parent
+    level: str | None  # of the parent, the innermost around it
     children: Mapping[str, int]
-    levels: tuple[
-        tuple[int, int], ...
-    ]  # the levels around it, from the outside: (instance, index of its level)
+    levels: tuple[Standing, ...]  # the levels around it, of all agents around it, from the outside
     place: Place
 
     def named(self, name: str) -> str:
         """The path of something in this agent."""
         return f"{self.path}.{name}" if self.path else name
+
+    def standing(self, level: str | None) -> tuple[Standing, ...]:
+        """The levels around what stands in `level` of this agent, from the outside."""
+        inner = (self.agent.levels[name] for name in self.agent.around(level))
+        return (*self.levels, *(((self.id, level.outer), level.index) for level in inner))
+
+    def place_in(self, level: str | None, position: int) -> Place:
+        """The place of what stands at `position` of the text in `level` of this agent."""
+        inner = [self.agent.levels[name] for name in self.agent.around(level)]
+        if not inner:
+            return (*self.place, (-1, position))
+        outer = ((level.index, level.level.span.start) for level in inner[:-1])
+        return (*self.place, *outer, (inner[-1].index, position))
 
 
 def instances(library: Library, top: Agent) -> tuple[Instance, ...]:
@@ -55,7 +72,9 @@ def instances(library: Library, top: Agent) -> tuple[Instance, ...]:
         parent, name = waiting.pop()
         here = _instance(library, len(made), top, parent, name)
         if len(here.place) > MAX_NESTING:
-            raise Rejected(NestedTooDeeply(here.agent.definition.name.span, what="agents", limit=MAX_NESTING))
+            raise Rejected(
+                NestedTooDeeply(here.agent.definition.name.span, what="agents and levels", limit=MAX_NESTING)
+            )
         made.append(here)
         children.append({})
         if parent is not None and name is not None:
@@ -68,11 +87,11 @@ def _instance(library: Library, id_: int, top: Agent, parent: Instance | None, n
     if parent is None or name is None:
         return Instance(id_, "", top, None, None, None, {}, (), ())
     sub = parent.agent.subs[name]
-    index = list(parent.agent.levels).index(sub.level) if sub.level is not None else None
-    levels = parent.levels if index is None else (*parent.levels, (parent.id, index))
-    place = (*parent.place, (-1 if index is None else index, sub.instance.span.start))
     agent = library.agents[sub.instance.agent.text]
-    return Instance(id_, parent.named(name), agent, parent.id, sub.instance, sub.level, {}, levels, place)
+    return Instance(
+        id_, parent.named(name), agent, parent.id, sub.instance, sub.level, {},
+        parent.standing(sub.level), parent.place_in(sub.level, sub.instance.span.start),
+    )  # fmt: skip
 
 
 def _count(library: Library, top: Agent) -> None:

@@ -93,20 +93,26 @@ def _shape(variable: Variable, env: Environment) -> Shape:
 
 
 def _nodes_of(instance: Instance) -> list[FlatNode]:
-    """The nodes of an agent: itself, or each level with variables of its own and one more for observers."""
+    """The nodes of an agent: itself and each of its levels, where they have variables of their own."""
+    used = {v.level for v in instance.agent.variables.values() if v.decl.access != "read"}
+    return [_node(instance, level) for level in (None, *instance.agent.levels) if level in used]
+
+
+def _node(instance: Instance, level: str | None) -> FlatNode:
+    """The node of what stands in `level` of an agent. Where there are levels beside it, it observes them and comes last."""
     agent = instance.agent
-    used = {v.level for v in agent.variables.values() if v.decl.access != "read"}
-    nodes: list[FlatNode] = []
-    if None in used:
-        observer = bool(agent.levels)
-        place = (*instance.place, (inf if observer else -inf, 0))
-        span = agent.definition.name.span
-        levels = instance.levels
-        nodes.append(FlatNode(instance, None, observer, instance.path, agent.name, span, levels, place))
-    for index, (name, level) in enumerate(agent.levels.items()):
-        if name in used:
-            place = (*instance.place, (index, level.span.start))
-            path, template = instance.named(name), f"{agent.name}.{name}"
-            levels = (*instance.levels, (instance.id, index))
-            nodes.append(FlatNode(instance, name, False, path, template, level.name.span, levels, place))
-    return nodes
+    observer = level in agent.divided()
+    last = (inf if observer else -inf, 0)
+    if level is None:
+        path, template, span, place = (
+            instance.path,
+            agent.name,
+            agent.definition.name.span,
+            (*instance.place, last),
+        )
+    else:
+        around = agent.levels[level]
+        path, template, span = instance.named(level), f"{agent.name}.{level}", around.span
+        place = instance.place_in(level, around.level.span.start)
+        place = (*place, last) if observer else place
+    return FlatNode(instance, level, observer, path, template, span, instance.standing(level), place)
