@@ -172,7 +172,7 @@ class NoSuchMember(Problem):
 class NameTaken(Problem):
     """A group that `group` makes, and one that is there without it, have one name."""
 
-    code = "E610"
+    code = "E602"
     explanation = (
         "Settings, results and `hierc graph` tell groups by name. What `group` leaves of a level keeps the level's name, and an agent that makes a "
         "group on its own has its path for a name."

@@ -52,7 +52,7 @@ def test_a_page_without_an_example_is_only_text() -> None:
     assert "gives" not in explain("E907")
 
 
-@pytest.mark.parametrize("written", ["E61", "699", "x", "", "E6011"])
+@pytest.mark.parametrize("written", ["E61", "610", "x", "", "E6011"])
 def test_an_unknown_code_is_answered_with_the_list(written: str) -> None:
     with pytest.raises(UsageError, match="hierc explain` lists them all"):
         explain(written)
