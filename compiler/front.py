@@ -162,7 +162,7 @@ def _arranged(context: Context, flat: Flat, parameters: Parameters, choice: Choi
 
 def _moved(node: Node, place: Mapping[int, int]) -> Node:
     """A node with its new id, reading from nodes by their new ids."""
-    return replace(node, id=place[node.id], inputs=_sources(node.inputs, place))
+    return replace(node, id=place[node.id], first=place[node.id], inputs=_sources(node.inputs, place))
 
 
 def _sources(sources: Iterable[Source], place: Mapping[int, int]) -> tuple[Source, ...]:

@@ -2,9 +2,12 @@
 
 In: syntax trees. Out: `Model`. Guaranteed: every name resolved, every shape agreed and every vector split into scalars, every variable
 defined exactly once, every read bound, inputs substituted down to the variables that are really read, nodes and groups acyclic and in
-execution order (`cascade.py` proved it). Arrays of agents will be nodes with an index range; nothing here is ever expanded per element.
+execution order (`cascade.py` proved it).
 
-A *node* is the unit of grouping: an agent (all of it that is not in its levels or sub-agents), or a level with declarations of its own.
+A *node* is the unit of grouping: an agent (all of it that is not in its levels or sub-agents), or a level with declarations of its own. Arrays of
+agents are never expanded: a node stands for a *block* of `count` elements that say the same thing, which differ only in what they read and in their
+parameters. Those are columns, one integer an element (see `columns.py`). Elements of all blocks are numbered through: element k of a block
+has number `first + k`. Most blocks have one element.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from hierc.compiler.columns import Column, Index
 from hierc.compiler.expression import Expr
 from hierc.grammar.problems import Problem
 from hierc.grammar.source import Span
@@ -19,14 +23,14 @@ from hierc.grammar.source import Span
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where an input comes from: a scalar of another node.
+    """Where the elements of a block find a scalar: in the elements numbered `node` (of any block).
 
-    `state`: state `index` of `node`; `rate`: its derivative; `local`: definition `index` of `node` (an algebraic variable).
+    `state`: state `index` of it; `rate`: its derivative; `local`: its definition `index` (an algebraic variable).
     """
 
-    node: int
+    node: Index
     kind: Literal["state", "rate", "local"]
-    index: int
+    index: Index
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,22 +58,29 @@ class StateEquation:
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """An agent or level with equations. `definitions` are in dependency order: each uses only earlier ones, states, inputs and rates."""
+    """A block of agents or levels with equations. `definitions` are in dependency order: each uses only earlier ones, states, inputs and rates."""
 
     id: int  # its index in Model.nodes, which are in execution order
-    path: str  # `kin`; `robot.arm`; the level's name for levels in one agent; "" for the top agent itself
+    path: str  # `kin`; `robot.arm`; the level's name for levels in one agent; "" for the top agent itself; `car[].engine` in an array
     template: str  # the agent's name, or `Agent.level`: names the generated class
     states: tuple[StateEquation, ...]
     definitions: tuple[Definition, ...]
     inputs: tuple[Source, ...]  # in order of first use
     input_spans: tuple[Span, ...]  # the user's text that reads each input
-    parameters: tuple[int, ...]  # indices of scalars in the model's parameter vector
+    parameters: tuple[Index, ...]  # indices of scalars in the model's parameter vector
     span: Span
+    first: int  # number of its first element
+    count: int = 1
+    indices: tuple[Index, ...] = ()  # for each `[]` in the path, the elements' indices
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter of one agent instance, by its path (`cart.kv`). Its scalars stand at `first`, row by row, in the parameter vector."""
+    """A parameter of a block of agents, by its path (`cart.kv`, `car[].tau`).
+
+    Its scalars stand from `first` on in the parameter vector: element by element, each row by row. `values` may use entries before it, and of its own
+    element earlier parameters.
+    """
 
     path: str
     scalar: Literal["real", "int", "bool"]
@@ -85,13 +96,23 @@ class Parameter:
     scale: float = (
         1.0  # one of the declared unit in SI; `values` are in SI, those given by path in the declared unit
     )
+    count: int = 1
+    indices: tuple[Index, ...] = ()  # for each `[]` in the path, the elements' indices
+
+
+@dataclass(frozen=True, slots=True)
+class Constants:
+    """Numbers that differ from element to element, such as indices: entries `first`, `first + 1`, … of the parameter vector."""
+
+    first: int
+    values: Column
 
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """A variable users may name in results, with the scalars it is made of, row by row."""
+    """A variable users may name in results, with the scalars that one of its elements is made of, row by row."""
 
-    path: str  # `cart.x`, `plan.p` (the vector)
+    path: str  # `cart.x`, `plan.p` (the vector), `car[].x` (of all cars)
     shape: tuple[int, ...]
     unit: str | None
     doc: str
@@ -101,17 +122,23 @@ class Variable:
     ]  # kind `state` or `local`; a `read` is what it is bound to, listed only when that is a single variable
     span: Span
     scale: float = 1.0  # one of the declared unit in SI: results are in the declared unit
+    count: int = 1
+    indices: tuple[Index, ...] = ()  # for each `[]` in the path, the elements' indices
 
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """A subsystem with a step size of its own: nodes in execution order, at least one with states.
+    """`count` subsystems of equal form, each with a step size of its own: elements in execution order, at least one with states.
 
-    Nodes without states belong to no group: they are evaluated by whoever reads them.
+    `nodes` holds columns of element numbers, each `count` times as many as it gives one group, group by group; so one group that holds a whole
+    array has a column of all its elements, and `group each car;` makes `count` groups of one element each. What a group reads comes from its own
+    elements in all of the groups or in none. Nodes without states belong to no group: they are evaluated by whoever reads them.
     """
 
-    name: str  # the level's name, the agent's path, or what the user wrote after `group`
-    nodes: tuple[int, ...]
+    name: str  # the level's name, the agent's path, or what the user wrote after `group`; `car[]` for groups of an array
+    nodes: tuple[Index, ...]
+    count: int = 1
+    indices: tuple[Index, ...] = ()  # for each `[]` in the name, the groups' indices
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,10 +173,14 @@ class Model:
     name: str  # of the top agent
     doc: str
     file: str  # the main source file's name
-    parameters: tuple[Parameter, ...]  # in dependency order of their values
+    parameters: tuple[Parameter, ...]  # in dependency order of their values, those of single agents first
     parameter_count: int  # scalars in the parameter vector
     nodes: tuple[Node, ...]  # in execution order
-    groups: tuple[Group, ...]  # in cascade order
+    groups: tuple[Group, ...]  # in cascade order of their first ones
     variables: tuple[Variable, ...]  # in text order
     experiment: Experiment
     warnings: tuple[Problem, ...]
+    constants: tuple[Constants, ...] = ()
+    order: Column | None = (
+        None  # of all single groups, numbered through `groups`, the cascade order; None: as they are numbered
+    )

@@ -14,6 +14,10 @@ ends with a `Model`. The functions take these arguments; all arrays are of float
     start(t, u, p, x)          initial values of the states; `u` holds the inputs' initial values
 
 The same text runs under CPython and, lowered to machine code, in the kernel.
+
+An array of agents is never expanded in the text: a `Node` is a *block* of `count` elements, which differ only in what they read and in their
+parameters. Those are columns (`Index`): an integer for all, or one for each element. Elements are numbered through all blocks, in the order of
+`Plan.nodes`; wherever a table names a node, it means such a number.
 """
 
 from __future__ import annotations
@@ -23,9 +27,28 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 #: Version of this contract; a module made for another one is refused with a message.
-CONTRACT = 1
+CONTRACT = 2
 
 Function = Callable[..., None]
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """The integers first, first + step, …: as many as there are elements."""
+
+    first: int
+    step: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Packed:
+    """Integers as base64 of their little-endian 32-bit differences (the first from 0), compressed by zlib: for long columns without a rule."""
+
+    text: str
+
+
+#: One integer for each element: the same for all, evenly spaced, listed, or packed.
+Index = int | Steps | tuple[int, ...] | Packed
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,32 +90,54 @@ class Class:
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """An instance of a class. `sources[k]` says where input k comes from: (node, "state" | "out", index)."""
+    """A block of instances of a class. `sources[k]` says where input k comes from: (element, "state" | "out", index).
+
+    `path` has a `[]` wherever `indices` has a column: `car[].engine`.
+    """
 
     path: str
-    kind: int  # index into Model.classes
-    parameters: tuple[int, ...]  # indices into the parameter vector: the node's q
-    sources: tuple[tuple[int, Literal["state", "out"], int], ...]
+    kind: int  # index into Plan.classes
+    parameters: tuple[Index, ...]  # indices into the parameter vector: the node's q
+    sources: tuple[tuple[Index, Literal["state", "out"], Index], ...]
+    count: int = 1
+    indices: tuple[Index, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Elements first, first + step, …, `count` of them, one after the other in each group; the next group's begin `shift` further."""
+
+    first: int
+    count: int
+    step: int = 1
+    shift: int = 0
+
+
+#: Elements of each group: one for each group (`Index`), or several in a row.
+Members = Index | Run
 
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """A subsystem with its own step size.
+    """`count` subsystems of equal form, each with its own step size.
 
-    `nodes` have the group's states, concatenated in this order. `calls` are what one evaluation does, in order: (node, part) for an out
-    part, (node, -1) for a right-hand side. Calls may name nodes without states, which belong to no group.
+    `nodes` have the group's states, concatenated in this order. `calls` are what one evaluation does, in order: (element, part) for an out
+    part, (element, -1) for a right-hand side. Calls may name nodes without states, which belong to no group. An entry with a `Run` stands for as many entries
+    as it has elements. `name` has a `[]` wherever `indices` has a column: `car[]`.
     """
 
     name: str
-    nodes: tuple[int, ...]
-    calls: tuple[tuple[int, int], ...]
+    nodes: tuple[Members, ...]
+    calls: tuple[tuple[Members, int], ...]
+    count: int = 1
+    indices: tuple[Index, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter of one agent instance; scalars `first`, `first + 1`, … of the parameter vector, row by row.
+    """A parameter of a block of agents; scalars `first`, `first + 1`, … of the parameter vector, element by element, each row by row.
 
-    The vector is in SI. Values given by path are in `unit`, one of which is `scale` in SI.
+    `path` has a `[]` wherever `indices` has a column: `car[].tau`. The vector is in SI. Values given by path are in `unit`, one of which is `scale` in SI.
     """
 
     path: str
@@ -103,22 +148,40 @@ class Parameter:
     structural: bool = False
     kind: Literal["real", "int", "bool"] = "real"
     scale: float = 1.0
+    count: int = 1
+    indices: tuple[Index, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Defaults:
+    """The defaults of a block's parameters: `function(a, v)` replaces each NaN of an element's scalars `v` by its default.
+
+    `given`: the entries of the parameter vector that make `a`; `entries`: those that make `v`. All earlier defaults are known.
+    """
+
+    function: Function
+    given: tuple[Index, ...]
+    entries: tuple[Index, ...]
+    count: int
 
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """A variable that results know by name: its scalars as (node, "state" | "observed", index), row by row.
+    """A variable that results know by name: the scalars of one element as (element, "state" | "observed", index), row by row.
 
-    The scalars are in SI. Results show values in `unit`, one of which is `scale` in SI.
+    `path` has a `[]` wherever `indices` has a column: `car[].x` is the x of all cars. The scalars are in SI. Results show
+    values in `unit`, one of which is `scale` in SI.
     """
 
     path: str
     shape: tuple[int, ...]
-    elements: tuple[tuple[int, Literal["state", "observed"], int], ...]
+    elements: tuple[tuple[Index, Literal["state", "observed"], Index], ...]
     unit: str | None = None
     doc: str = ""
     access: Literal["write", "private", "read"] = "write"
     scale: float = 1.0
+    count: int = 1
+    indices: tuple[Index, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,9 +199,11 @@ class Experiment:
 class Plan:
     """All tables of a generated module.
 
-    `parameters_function(q)` replaces each NaN in the parameter vector by its default (in dependency order), so values given by the user stay.
-    `start_passes`: how often the `start` functions run over all nodes in order until every initial value is final (1 unless initial values
-    refer to each other across nodes against the order).
+    `parameters_function(q)` replaces each NaN in the parameter vector by its default (in dependency order), so values given by the user stay; those of
+    arrays follow, by `defaults`. `constants` are entries of the parameter vector that differ from element to element and never change, such as
+    indices: (first, how many, integers). `start_passes`: how often the `start` functions run over all elements, in the order `start_order` (None: by
+    number), until every initial value is final (1 unless initial values refer to each other across nodes against the order). `order`: the
+    cascade order of all single groups, numbered through `groups` (None: as they are numbered).
     """
 
     contract: int
@@ -149,10 +214,14 @@ class Plan:
     digest: str  # sha256 of the source text(s)
     classes: tuple[Class, ...]
     nodes: tuple[Node, ...]  # in execution order
-    groups: tuple[Group, ...]  # in cascade order
+    groups: tuple[Group, ...]  # in cascade order of their first ones
     parameters: tuple[Parameter, ...]
     parameter_count: int
     parameters_function: Function
     variables: tuple[Variable, ...]
     start_passes: int
     experiment: Experiment
+    constants: tuple[tuple[int, int, Index], ...] = ()
+    defaults: tuple[Defaults, ...] = ()
+    order: Index | None = None
+    start_order: Index | None = None

@@ -30,7 +30,7 @@ from hierc.compiler.symbolic.graph import Value
 from hierc.compiler.symbolic.schedule import Program
 
 #: The version of `hierc.runtime.contract` that modules are made for.
-CONTRACT = 1
+CONTRACT = 2
 
 #: What modules import from the contract.
 CONSTRUCTORS = ("Class", "Experiment", "Group", "Node", "Parameter", "Part", "Plan", "Variable")

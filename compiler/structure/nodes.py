@@ -150,7 +150,7 @@ class _NodeMaker:
             )
         node = Node(
             self._node, here.path, here.template, tuple(states), tuple(definitions),
-            tuple(self._inputs), tuple(self._input_spans), tuple(self._parameters), here.span,
+            tuple(self._inputs), tuple(self._input_spans), tuple(self._parameters), here.span, self._node,
         )  # fmt: skip
         return LocalNode(node, continuous)
 

@@ -196,6 +196,7 @@ def build(name, agents, groups, *, doc="", settings=m.Settings(), record=(), sav
                 (SPAN,) * len(sources),
                 tuple(entries),
                 whole,
+                n,
             )
         )
         variables += grouped(a, n)
