@@ -1,0 +1,1 @@
+"""A plain interpreter of syntax trees: what models mean, told apart from how they are compiled."""
