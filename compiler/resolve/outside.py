@@ -13,6 +13,7 @@ from hierc.compiler.expression import Number
 from hierc.compiler.resolve.errors import UnknownParameter
 from hierc.compiler.shapes.values import Scalar, Shape, Value, type_text
 from hierc.compiler.structure.errors import WrongValue
+from hierc.compiler.suggest import did_you_mean_without, without_level
 
 #: Values by path. `object`, because they are checked here.
 Given = Mapping[str, object]
@@ -84,9 +85,5 @@ def _advice(path: str, known: Mapping[str, model.Parameter]) -> str | None:
     if whole is not None and whole.shape:
         kind, value = ("vector", "[…]") if len(whole.shape) == 1 else ("matrix", "[[…], …]")
         return f"give the whole {kind}: `{whole.path}={value}`"
-    steps = path.split(".")
-    for place in range(len(steps) - 1):
-        shorter = ".".join(steps[:place] + steps[place + 1 :])
-        if shorter in known:
-            return f"did you mean `{shorter}`? Levels are no part of a path"
-    return None
+    shorter = without_level(path, known)
+    return did_you_mean_without(shorter) if shorter is not None else None

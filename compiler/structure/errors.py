@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hierc.compiler.suggest import did_you_mean, listed
+from hierc.compiler.suggest import did_you_mean, did_you_mean_without, listed
 from hierc.grammar.problems import Problem
 
 
@@ -25,14 +25,17 @@ class UnknownSetting(Problem):
 @dataclass(frozen=True)
 class MatchesNothing(Problem):
     code = "E904"
-    explanation = "`record` lists variables by path, such as `arm.q`, or all of an agent's, `arm.*`."
+    explanation = "`record` lists variables by path, such as `arm.q`, elements of them, `arm.q[2]`, or all of an agent's, `arm.*`."
     pattern: str
     candidates: tuple[str, ...]
+    shorter: str | None = None  # what it is without the name of a level
 
     def title(self) -> str:
         return f"`record {self.pattern}` matches nothing"
 
     def help(self) -> tuple[str, ...]:
+        if self.shorter is not None:
+            return (did_you_mean_without(self.shorter),)
         return did_you_mean(self.pattern, self.candidates)
 
 
@@ -85,11 +88,14 @@ class UnknownPath(Problem):
     what: str  # `state`, `group`, `agent`
     path: str
     candidates: tuple[str, ...]
+    shorter: str | None = None  # what the path is without the name of a level
 
     def title(self) -> str:
         return f"there is no {self.what} `{self.path}`"
 
     def help(self) -> tuple[str, ...]:
+        if self.shorter is not None:
+            return (did_you_mean_without(self.shorter),)
         return did_you_mean(self.path, self.candidates)
 
 

@@ -18,12 +18,11 @@ from hierc.compiler.collector import Collector, Rejected
 from hierc.compiler.model import Experiment, Group, Node, Settings, Variable
 from hierc.compiler.resolve.declarations import Agent, Library
 from hierc.compiler.resolve.errors import GivenTwice, UnknownAgent, UnknownParameter
-from hierc.compiler.resolve.names import check_arguments, check_bindings, check_experiment_names
+from hierc.compiler.resolve.names import check_arguments, check_bindings
 from hierc.compiler.shapes.evaluate import Environment, evaluate
 from hierc.compiler.shapes.folding import constant
 from hierc.compiler.structure.errors import (
     CannotSave,
-    MatchesNothing,
     NoChoice,
     UnknownExperiment,
     UnknownPath,
@@ -31,6 +30,7 @@ from hierc.compiler.structure.errors import (
     WrongValue,
 )
 from hierc.compiler.structure.instances import Instance
+from hierc.compiler.structure.paths import find, recorded
 from hierc.grammar import tree
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import Span
@@ -61,11 +61,11 @@ def choose(library: Library, name: str | None, problems: Collector) -> Choice:
     agent: Agent | None = None
     if name is not None and name in library.experiments:
         experiment = library.experiments[name]
-    elif name is not None and name in library.agents:
+    elif name is not None and name in library.own_agents():
         agent = library.agents[name]
     elif name is not None:
         raise ModelError(
-            [UnknownExperiment(None, name=name, candidates=(*library.experiments, *library.agents))]
+            [UnknownExperiment(None, name=name, candidates=(*library.experiments, *library.own_agents()))]
         )
     elif len(library.experiments) == 1:
         (experiment,) = library.experiments.values()
@@ -74,12 +74,7 @@ def choose(library: Library, name: str | None, problems: Collector) -> Choice:
     else:
         raise ModelError([NoChoice(None, experiments=tuple(library.experiments), agents=tuple(tops))])
     if experiment is not None:
-        agent = library.agents.get(experiment.agent.text)
-        if agent is None:
-            span = experiment.agent.span
-            raise ModelError(
-                [UnknownAgent(span, name=experiment.agent.text, candidates=tuple(library.agents))]
-            )
+        agent = library.agents[experiment.agent.text]
     assert agent is not None
     _check_given(agent, experiment, problems)
     return Choice(agent, experiment)
@@ -99,9 +94,9 @@ def runnable_agents(library: Library) -> list[str]:
 
 
 def _top_agents(library: Library) -> list[str]:
-    """Agents that no other contains."""
+    """Agents of the main file that no other contains."""
     contained = {sub.instance.agent.text for agent in library.agents.values() for sub in agent.subs.values()}
-    return [name for name in library.agents if name not in contained]
+    return [name for name in library.own_agents() if name not in contained]
 
 
 def _check_given(agent: Agent, experiment: tree.Experiment | None, problems: Collector) -> None:
@@ -125,7 +120,9 @@ class Gifts:
     """What an experiment gives, by instance and name."""
 
     arguments: Mapping[tuple[int, str], tree.Expr]
-    initials: Mapping[tuple[int, str], tree.Initial]
+    initials: Mapping[
+        tuple[int, str], tuple[tree.Initial, ...]
+    ]  # of elements of one state there may be several
 
 
 def resolve_gifts(
@@ -134,62 +131,55 @@ def resolve_gifts(
     """Find what the arguments and `init` values of an experiment name."""
     if experiment is None:
         return Gifts({}, {})
-    check_experiment_names(library, experiment, problems)
     arguments: dict[tuple[int, str], tree.Expr] = {}
-    initials: dict[tuple[int, str], tree.Initial] = {}
+    initials: dict[tuple[int, str], list[tree.Initial]] = {}
     first: dict[tuple[int, str], Span] = {}
     for arg in experiment.args:
-        owner, name = _owner(arg.path, instances, problems)
-        if owner is None:
+        try:
+            owner, name = _parameter(arg.path, instances)
+        except Rejected as rejection:
+            problems.rejected(rejection)
             continue
-        if name not in owner.agent.params:
-            known = tuple(owner.agent.params)
-            problems.add(UnknownParameter(arg.path.span, agent=owner.agent.name, name=name, candidates=known))
-        elif first.setdefault((owner.id, name), arg.path.span) is not arg.path.span:
-            problems.add(GivenTwice(arg.path.span, name=arg.path.text, first=first[owner.id, name]))
+        if first.setdefault((owner, name), arg.path.span) is not arg.path.span:
+            problems.add(GivenTwice(arg.path.span, name=arg.path.text, first=first[owner, name]))
         else:
-            arguments[owner.id, name] = arg.value
+            arguments[owner, name] = arg.value
     for initial in _initials(experiment):
-        owner, name = _owner(initial.path, instances, problems)
-        if owner is None:
-            continue
-        states = [v.name for v in owner.agent.variables.values() if v.declarator.initial is not None]
-        if name not in states or initial.path.steps[-1].subs:
-            problems.add(
-                UnknownPath(
-                    initial.path.span, what="state", path=initial.path.span.text, candidates=tuple(states)
-                )
-            )
-        elif (owner.id, name) in initials:
-            problems.add(
-                GivenTwice(
-                    initial.path.span, name=initial.path.text, first=initials[owner.id, name].path.span
-                )
-            )
-        else:
-            initials[owner.id, name] = initial
-    return Gifts(arguments, initials)
+        try:
+            initials.setdefault(_state(initial.path, instances), []).append(initial)
+        except Rejected as rejection:
+            problems.rejected(rejection)
+    return Gifts(arguments, {key: tuple(given) for key, given in initials.items()})
+
+
+def _parameter(path: tree.Path, instances: Sequence[Instance]) -> tuple[int, str]:
+    """The parameter that a path names, by instance and name. Raises Rejected."""
+    named = find(path, instances)
+    agent = named.owner.agent
+    if named.name not in agent.params:
+        known = tuple(agent.params)
+        raise Rejected(UnknownParameter(path.span, agent=agent.name, name=named.name, candidates=known))
+    if named.subs:
+        advice = f"give all of it: `{path.text} = …`"
+        raise Rejected(
+            UnknownParameter(path.span, agent=agent.name, name=path.span.text, candidates=(), advice=advice)
+        )
+    return named.owner.id, named.name
+
+
+def _state(path: tree.Path, instances: Sequence[Instance]) -> tuple[int, str]:
+    """The state that a path names, or of which it names elements, by instance and name. Raises Rejected."""
+    named = find(path, instances)
+    states = [v.name for v in named.owner.agent.variables.values() if v.declarator.initial is not None]
+    if named.name not in states:
+        raise Rejected(UnknownPath(path.span, what="state", path=path.span.text, candidates=tuple(states)))
+    return named.owner.id, named.name
 
 
 def _initials(experiment: tree.Experiment) -> Iterator[tree.Initial]:
     for item in experiment.items:
         if isinstance(item, tree.InitBlock):
             yield from item.values
-
-
-def _owner(
-    path: tree.Path, instances: Sequence[Instance], problems: Collector
-) -> tuple[Instance | None, str]:
-    """The agent that the last name of a path belongs to; None if there is none."""
-    at = instances[0]
-    for step in path.steps[:-1]:
-        if step.name.text not in at.children or step.subs:
-            problems.add(
-                UnknownPath(step.span, what="agent", path=step.span.text, candidates=tuple(at.children))
-            )
-            return None, ""
-        at = instances[at.children[step.name.text]]
-    return at, path.steps[-1].name.text
 
 
 # ---- settings and records -------------------------------------------------------------------------------------------------------------
@@ -264,7 +254,10 @@ class _Resolver:
                 self._group(item)
             case tree.Record(patterns=patterns):
                 for pattern in patterns:
-                    self._record(pattern)
+                    try:
+                        self.record += recorded(pattern, self._variables, self._env)
+                    except Rejected as rejection:
+                        self._problems.rejected(rejection)
             case tree.Save():
                 self._save(item)
             case tree.InitBlock():
@@ -346,26 +339,3 @@ class _Resolver:
             if any(self._nodes[node].path == path for node in group.nodes):
                 return group.name
         return None
-
-    def _record(self, pattern: tree.Pattern) -> None:
-        path = pattern.path.text
-        if any(step.subs for step in pattern.path.steps):
-            self._problems.add(unsupported.Function(pattern.span, use="an index in `record`"))
-        elif pattern.star:
-            inside = [
-                v.path
-                for v in self._variables.values()
-                if v.path.startswith(f"{path}.") and v.access == "write"
-            ]
-            self.record += inside
-            if not inside:
-                owners = {v.path.rpartition(".")[0] for v in self._variables.values() if v.access == "write"}
-                self._nothing(pattern, tuple(f"{owner}.*" for owner in owners if owner))
-        elif path in self._variables:
-            self.record.append(path)
-        else:
-            self._nothing(pattern, tuple(self._variables))
-
-    def _nothing(self, pattern: tree.Pattern, candidates: tuple[str, ...]) -> None:
-        text = f"{pattern.path.text}.*" if pattern.star else pattern.path.text
-        self._problems.add(MatchesNothing(pattern.span, pattern=text, candidates=candidates))

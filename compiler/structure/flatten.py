@@ -21,20 +21,22 @@ from hierc.compiler.equations.errors import (
 )
 from hierc.compiler.expression import Expr, Local, Number, Rate, State
 from hierc.compiler.resolve.declarations import Equation, Variable
+from hierc.compiler.resolve.errors import GivenTwice
 from hierc.compiler.shapes.evaluate import Environment, Values, evaluate, expected, selected, span_of
 from hierc.compiler.shapes.operations import Sharing, condition
 from hierc.compiler.shapes.terms import cut
-from hierc.compiler.shapes.values import Value, element_names, is_leaf, number
+from hierc.compiler.shapes.values import Shape, Value, element_names, is_leaf, number
 from hierc.compiler.structure.flat import Flat, FlatDefinition, FlatState, FlatVariable
 from hierc.compiler.structure.instances import Instance
 from hierc.compiler.structure.parameters import Parameters
+from hierc.compiler.structure.paths import elements
 from hierc.compiler.structure.storage import Storage, allocate
 from hierc.compiler.units.units import scale_of
 from hierc.grammar import tree
 from hierc.grammar.source import Span
 
 #: Initial values that an experiment gives, by instance and name.
-Initials = Mapping[tuple[int, str], tree.Initial]
+Initials = Mapping[tuple[int, str], tuple[tree.Initial, ...]]
 
 
 def flatten(
@@ -252,18 +254,36 @@ class _Flattener:
             self._problems.add((NoDerivative if kind == "diff" else NeverDefined)(variable.span, name=name))
 
     def _initial(self, instance: Instance, variable: Variable, indices: Sequence[int]) -> None:
-        given = self._initials.get((instance.id, variable.name))
-        env = self._environment(instance)
-        expr = variable.declarator.initial
-        if given is not None:
-            env = replace(self._file, sharing=env.sharing)
-            expr = given.value
-        if expr is None:
-            return
-        shape = self.storage.shapes[instance.id][variable.name]
-        value = expected(evaluate(expr, env), "real", shape, f"`{variable.name}`", expr)
+        """What the experiment gives, all or some elements, and for the others what the declaration says."""
+        name, own = variable.name, self._environment(instance)
+        outside = replace(self._file, sharing=own.sharing)
+        shape = self.storage.shapes[instance.id][name]
+        first: dict[int, tree.Path] = {}
+        for given in self._initials.get((instance.id, name), ()):
+            path = given.path
+            part, places = elements(path.steps[-1].subs, path.text, shape, path, outside)
+            self._start(instance, name, given.value, part, [indices[p] for p in places], outside)
+            twice = next((first[p] for p in places if p in first), None)
+            if twice is not None:
+                self._problems.add(GivenTwice(path.span, name=path.span.text, first=twice.span))
+            first.update(dict.fromkeys(places, path))
+        if variable.declarator.initial is not None and len(first) < len(indices):
+            self._start(instance, name, variable.declarator.initial, shape, indices, own)
+
+    def _start(
+        self,
+        instance: Instance,
+        name: str,
+        expr: tree.Expr,
+        shape: Shape,
+        indices: Sequence[int],
+        env: Environment,
+    ) -> None:
+        """Initial values of some scalars of a state; what has one already keeps it."""
+        value = expected(evaluate(expr, env), "real", shape, f"`{name}`", expr)
         for index, element in zip(indices, value.elements, strict=True):
-            self._initial_values[index] = self._shallow(element, variable.name, instance.named(variable.name))
+            if index not in self._initial_values:
+                self._initial_values[index] = self._shallow(element, name, instance.named(name))
 
     def _nominal(self, instance: Instance, variable: Variable, indices: Sequence[int]) -> None:
         expr = variable.declarator.nominal
