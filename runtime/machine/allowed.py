@@ -1,8 +1,9 @@
 """What the functions of a generated module may say: checked before any of it is lowered.
 
-In: a class. Guaranteed of one that passes: its functions hold nothing but arithmetic, comparisons, choices and elementary functions of floats; every index is a
-constant within its array; every name is set once on every path and before it is read; every entry of the output is set. So the machine code made from it
-touches only the memory it is given, calls only the C library's mathematics, and ends. Anything else is refused; nothing is executed.
+In: a class. Guaranteed of one that passes: its functions hold nothing but arithmetic, comparisons, choices, elementary functions of floats and the systems of
+equations of `linalg.py`; every index is a constant within its array; every name is set once on every path and before it is read; every entry of the output
+is set. So the machine code made from it touches only the memory it is given, calls only the C library's mathematics and our own, and ends. Anything else is
+refused; nothing is executed.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import ast
 import functools
 from collections.abc import Callable, Collection, Mapping
 
+from hierc.runtime import linalg
 from hierc.runtime.contract import Class
 from hierc.runtime.machine.builtins import arity
 from hierc.runtime.machine.types import UnsupportedCode
@@ -23,7 +25,7 @@ _ORDER = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 #: Python's own functions, with their number of arguments.
 _PYTHON = {"float": 1, "abs": 1, "max": 2, "min": 2}
 #: Names that no local may take.
-_RESERVED = {"t", "math", *_PYTHON}
+_RESERVED = {"t", "math", "linalg", *_PYTHON}
 
 
 @functools.cache
@@ -70,17 +72,17 @@ class _Checker:
     def __init__(self, arrays: Readable, output: str, entries: Collection[int]) -> None:
         self.arrays, self.output, self.entries = arrays, output, entries
         self.reserved = {*_RESERVED, *arrays, output}
+        self.factors: dict[str, int] = {}  # names of factors, with the size of their matrix
 
     def block(self, body: list[ast.stmt], known: frozenset[str]) -> frozenset[str]:
         """What is set after some statements."""
         for statement in body:
             match statement:
                 case ast.Assign(targets=[target], value=value):
-                    self.number(value, known)
-                    name = self.target(target)
-                    if name in known:
-                        raise _refused(statement, f"{name} is set twice")
-                    known |= {name}
+                    names = self.assignment(target, value, known)
+                    if twice := [name for k, name in enumerate(names) if name in known or name in names[:k]]:
+                        raise _refused(statement, f"{twice[0]} is set twice")
+                    known |= {*names}
                 case ast.If(test=test, body=then, orelse=orelse):
                     self.condition(test, known)
                     known = self.block(then, known) & self.block(orelse, known)
@@ -90,10 +92,57 @@ class _Checker:
                     raise _refused(statement)
         return known
 
+    def assignment(self, target: ast.expr, value: ast.expr, known: frozenset[str]) -> list[str]:
+        """Check an assignment; the names that it sets."""
+        match target, value:
+            case ast.Name(), ast.Call(func=function, args=[size, *entries], keywords=[]) if (
+                _linalg(function) == "factor"
+            ):
+                n = _size(size)
+                self.numbers(value, entries, n * n, known)
+                name = self.target(target)
+                self.factors[name] = n
+                return [name]
+            case ast.Tuple(elts=several), ast.Call(
+                func=function, args=[size, factors, *right], keywords=[]
+            ) if _linalg(function) == "substitute":
+                n = _size(size)
+                self.factors_of(factors, n, known)
+                self.numbers(value, right, n, known)
+                if len(several) != n:
+                    raise _refused(value, f"has {n} values")
+                return [self.target(item) for item in several]
+            case _:
+                self.number(value, known)
+                return [self.target(target)]
+
+    def numbers(self, node: ast.expr, given: list[ast.expr], count: int, known: frozenset[str]) -> None:
+        """Check `count` arguments that are numbers."""
+        if len(given) != count:
+            raise _refused(node, "wrong number of arguments")
+        for item in given:
+            self.number(item, known)
+
+    def factors_of(self, node: ast.expr, n: int, known: frozenset[str]) -> None:
+        """Check the factors of an n-by-n matrix: a name, or the entries of an array that hold them."""
+        match node:
+            case ast.Name(id=name) if name in known and self.factors.get(name) == n:
+                return
+            case ast.Subscript(
+                value=ast.Name(id=array),
+                slice=ast.Slice(
+                    lower=ast.Constant(value=int(a)), upper=ast.Constant(value=int(b)), step=None
+                ),
+            ) if b - a == linalg.factor_size(n) and all(k in self.arrays.get(array, ()) for k in range(a, b)):
+                return
+        raise _refused(node, f"not the factors of a matrix of {n} rows")
+
     def target(self, node: ast.expr) -> str:
         """The name, or entry of the output, that an assignment sets."""
         match node:
             case ast.Name(id=name) if name not in self.reserved:
+                if name in self.factors:
+                    raise _refused(node, "set twice")
                 return name
             case ast.Subscript(value=ast.Name(id=array), slice=ast.Constant(value=int(k))) if (
                 array == self.output
@@ -114,6 +163,8 @@ class _Checker:
             case ast.Name(id=name):
                 if name != "t" and name not in known:
                     raise _refused(node, "read before it is set")
+                if name in self.factors:
+                    raise _refused(node, "not a number")
             case ast.Subscript(value=ast.Name(id=array), slice=ast.Constant(value=int(k))):
                 if k not in self.arrays.get(array, ()) or isinstance(k, bool):
                     raise _refused(node, "no such entry")
@@ -126,6 +177,10 @@ class _Checker:
                 self.condition(test, known)
                 self.number(then, known)
                 self.number(orelse, known)
+            case ast.Call(func=function, args=[size, factors], keywords=[]) if (
+                _linalg(function) == "determinant"
+            ):
+                self.factors_of(factors, _size(size), known)
             case ast.Call(func=function, args=args, keywords=[]) if len(args) == _arguments(function):
                 for argument in args:
                     self.number(argument, known)
@@ -155,6 +210,22 @@ def _arguments(function: ast.expr) -> int | None:
         case ast.Name(id=name):
             return _PYTHON.get(name)
     return None
+
+
+def _linalg(function: ast.expr) -> str | None:
+    """The name of a function of `linalg`."""
+    match function:
+        case ast.Attribute(value=ast.Name(id="linalg"), attr=name):
+            return name
+    return None
+
+
+def _size(node: ast.expr) -> int:
+    """The number of rows of a matrix."""
+    match node:
+        case ast.Constant(value=int(n)) if 1 <= n <= linalg.LARGEST and not isinstance(n, bool):
+            return n
+    raise _refused(node, f"not a size from 1 to {linalg.LARGEST}")
 
 
 def _refused(node: ast.AST, why: str = "not allowed in a model's functions") -> UnsupportedCode:

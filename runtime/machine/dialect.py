@@ -122,15 +122,16 @@ def largest(v: Lanes) -> float:
     return float(np.max(v))
 
 
-def select(mask: Any, a: Lanes, b: Lanes) -> Lanes:
+def select(mask: Any, a: Any, b: Any) -> Any:
     """a where mask, else b; lane by lane."""
-    chosen: Lanes = np.where(mask, a, b)
-    return chosen
+    if isinstance(mask, bool | np.bool_):
+        return a if mask else b
+    return np.where(mask, a, b)
 
 
 def any_lane(mask: Any) -> bool:
     """Whether the mask holds in some lane."""
-    return bool(np.any(mask))
+    return bool(mask) if isinstance(mask, bool | np.bool_) else bool(np.any(mask))
 
 
 def at(array: Array[T], offset: int) -> Array[T]:
@@ -188,6 +189,12 @@ def standalone(function: F) -> F:
 def outlined(function: F) -> F:
     """Mark a function that is called, not inlined, because it is large and called from many places."""
     function.outlined = True  # type: ignore[attr-defined]
+    return function
+
+
+def exact(function: F) -> F:
+    """Mark a function whose products and sums are each rounded, so that its machine code has CPython's very bits."""
+    function.exact = True  # type: ignore[attr-defined]
     return function
 
 

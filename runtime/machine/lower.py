@@ -17,7 +17,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from hierc.runtime.machine import builtins
+from hierc.runtime.machine import builtins, matrices
 from hierc.runtime.machine.arithmetic import Arithmetic
 from hierc.runtime.machine.storage import Locals, Slots
 from hierc.runtime.machine.types import (
@@ -105,6 +105,9 @@ class Lowering:
 
     def statement(self, node: ast.stmt) -> None:
         match node:
+            case ast.Assign(targets=[ast.Tuple(elts=several)], value=value):
+                for target, item in zip(several, matrices.substitute(self, value), strict=True):
+                    self.assign(target, item)
             case ast.Assign(targets=[target], value=value):
                 self.assign(target, self.expression(value))
             case ast.AugAssign(target=target, op=op, value=value):
@@ -140,6 +143,12 @@ class Lowering:
         match target:
             case ast.Name(id=name):
                 self.locals.store(name, self.math.value(value))
+            case ast.Subscript(value=base, slice=ast.Slice() as bounds):
+                matrices.copy(
+                    self,
+                    self.math.value(value),
+                    *matrices.slice_of(self, self.expression(base), bounds),
+                )
             case ast.Subscript() | ast.Attribute():
                 address, kind = self.place(target)
                 self.builder.store(self.math.convert(value, kind).ir, address, align=8)
@@ -180,7 +189,7 @@ class Lowering:
         self.block(orelse)
         for key, target in targets.items():
             a, b = then[key], self._current(target)
-            if a is not None and b is not None:
+            if a is not None and b is not None and not isinstance(a.type, Pointer):
                 self.assign(target, self.math.select(mask, a, b))
 
     def _current(self, target: ast.expr) -> Value | None:
@@ -267,6 +276,8 @@ class Lowering:
                 if not isinstance(index, int):
                     raise _refused(node, "tables are indexed by constants")
                 return LaneConstant(self.names[name].rows[index]).value
+            case ast.Subscript(value=base, slice=ast.Slice() as bounds):
+                return matrices.slice_of(self, self.expression(base), bounds)[0]
             case ast.Subscript() if isinstance(known := self.static(node), int | float):
                 return known
             case ast.Subscript() | ast.Attribute():
@@ -407,6 +418,8 @@ class Lowering:
         match node.func:
             case ast.Attribute(value=ast.Name(id="math"), attr=name):
                 return builtins.elementary(self, name, [self.expression(a) for a in node.args], node)
+            case ast.Attribute(value=ast.Name(id="linalg"), attr=name):
+                return matrices.call(self, name, [self.expression(a) for a in node.args], node)
             case ast.Name(id="each_lane"):
                 return self.each_lane(
                     node.args[0], [self.math.value(self.expression(a)) for a in node.args[1:]]
@@ -461,6 +474,8 @@ def _targets(body: list[ast.stmt]) -> list[ast.expr]:
     found: list[ast.expr] = []
     for statement in body:
         match statement:
+            case ast.Assign(targets=[ast.Tuple(elts=several)]):
+                found += several
             case ast.Assign(targets=[target]):
                 found.append(target)
             case ast.If(body=then, orelse=orelse):

@@ -159,5 +159,5 @@ def _runtime_digest() -> str:
     """Hash of the sources that shape machine code."""
     here = Path(__file__).parent
     files = [*here.glob("*.py"), *here.parent.glob("methods/*.py")]
-    files += [here.parent / f"{name}.py" for name in ("kernel", "records", "segments", "control")]
+    files += [here.parent / f"{name}.py" for name in ("kernel", "records", "segments", "control", "linalg")]
     return hashlib.sha256(b"\0".join(f.read_bytes() for f in sorted(files))).hexdigest()

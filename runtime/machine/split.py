@@ -1,7 +1,8 @@
 """What a function of a generated module depends on, and its split into a part of inputs and time and a part of states.
 
 An implicit step evaluates a right-hand side at the same times again and again while only the states change. Whatever does not depend on the states is
-computed once a step: `split` moves those statements into a function of their own, which leaves the values that the rest needs in an array `v`.
+computed once a step: `split` moves those statements into a function of their own, which leaves the values that the rest needs in an array `v`. Factors
+of a matrix take several entries of it.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
+
+from hierc.runtime.linalg import factor_size
 
 #: Functions of `math` that jump.
 _STEPS = frozenset({"floor", "ceil", "copysign", "fmod"})
@@ -35,17 +38,19 @@ def split(function: ast.FunctionDef, output: str, fixed: Fixed) -> Split:
         if _moves(statement, moving, fixed):
             after.append(statement)
         elif isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Subscript):
-            before.append(_assign(_item("v", saved, ast.Store()), statement.value))
+            before.append(_assign(_item("v", saved, context=ast.Store()), statement.value))
             after.append(_assign(statement.targets[0], _item("v", saved)))
             saved += 1
         else:
             before.append(statement)
     needed = _names_read(after)
     prologue: list[ast.stmt] = []
+    sizes = _sizes(before)
     for name in [n for n in dict.fromkeys(_names_assigned(before)) if n in needed]:
-        before.append(_assign(_item("v", saved, ast.Store()), ast.Name(name, ast.Load())))
-        prologue.append(_assign(ast.Name(name, ast.Store()), _item("v", saved)))
-        saved += 1
+        size = sizes.get(name)
+        before.append(_assign(_item("v", saved, size, ast.Store()), ast.Name(name, ast.Load())))
+        prologue.append(_assign(ast.Name(name, ast.Store()), _item("v", saved, size)))
+        saved += size or 1
     arguments = [a.arg for a in function.args.args]
     return Split(
         _function(f"{function.name}_before", [*(a for a in arguments if a != output), "v"], before),
@@ -108,7 +113,21 @@ def targets(statement: ast.stmt) -> Iterable[ast.expr]:
     """All assignment targets in a statement, those of its branches included."""
     for node in ast.walk(statement):
         if isinstance(node, ast.Assign):
-            yield from node.targets
+            for target in node.targets:
+                yield from target.elts if isinstance(target, ast.Tuple) else [target]
+
+
+def _sizes(statements: list[ast.stmt]) -> dict[str, int]:
+    """How many doubles each name takes that holds the factors of a matrix."""
+    found: dict[str, int] = {}
+    for node in (n for s in statements for n in ast.walk(s)):
+        match node:
+            case ast.Assign(
+                targets=[ast.Name(id=name)],
+                value=ast.Call(func=ast.Attribute(attr="factor"), args=[ast.Constant(value=int(n)), *_]),
+            ):
+                found[name] = factor_size(n)
+    return found
 
 
 def _names_assigned(statements: list[ast.stmt]) -> list[str]:
@@ -125,13 +144,21 @@ def _names_read(statements: list[ast.stmt]) -> set[str]:
 
 
 def _index(node: ast.Subscript) -> int:
-    assert isinstance(node.slice, ast.Constant)
-    assert isinstance(node.slice.value, int)
-    return node.slice.value
+    """The entry that a subscript names; of a slice the first: the entries of factors depend on the same."""
+    index = node.slice.lower if isinstance(node.slice, ast.Slice) else node.slice
+    assert isinstance(index, ast.Constant)
+    assert isinstance(index.value, int)
+    return index.value
 
 
-def _item(array: str, index: int, context: ast.expr_context | None = None) -> ast.Subscript:
-    return ast.Subscript(ast.Name(array, ast.Load()), ast.Constant(index), context or ast.Load())
+def _item(
+    array: str, first: int, size: int | None = None, context: ast.expr_context | None = None
+) -> ast.Subscript:
+    """Entry `first` of an array, or `size` entries from there."""
+    place: ast.expr = ast.Constant(first)
+    if size is not None:
+        place = ast.Slice(place, ast.Constant(first + size))
+    return ast.Subscript(ast.Name(array, ast.Load()), place, context or ast.Load())
 
 
 def _assign(target: ast.expr, value: ast.expr) -> ast.Assign:

@@ -73,7 +73,8 @@ class Unit:
             return self._dialect(callee, lanes, constants)
 
         names = {**function.__globals__, **constants}
-        Lowering(made, kinds, returns, names, lanes, resolve, contract=True).run(
+        contract = not hasattr(function, "exact")
+        Lowering(made, kinds, returns, names, lanes, resolve, contract=contract).run(
             parse_function(function).body
         )
         return self.made[key]

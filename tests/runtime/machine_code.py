@@ -12,6 +12,7 @@ import numpy as np
 from llvmlite import ir
 from numpy.typing import NDArray
 
+from hierc.runtime import linalg
 from hierc.runtime.machine.dialect import aligned
 from hierc.runtime.machine.types import POINTER, Emitted, Float, Pointer, llvm_type
 from hierc.runtime.machine.unit import Loaded, Unit, compile_object
@@ -30,7 +31,7 @@ def definition(text: str) -> ast.FunctionDef:
 
 def interpreted(text: str) -> Callable[..., None]:
     """The same function as CPython has it."""
-    names: dict[str, object] = {"math": math}
+    names: dict[str, object] = {"math": math, "linalg": linalg}
     exec(textwrap.dedent(text), names)
     made = names[definition(text).name]
     assert callable(made)
