@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal, assert_never, get_args
 
 from hierc.compiler.front import analyse, check_file
+from hierc.compiler.imports.modules import NO_FILES, Reader
 from hierc.compiler.model import Model
 from hierc.grammar.parser import parse
 from hierc.grammar.problems import Problem
@@ -34,12 +35,14 @@ def compile_source(
     params: Mapping[str, object] | None = None,
     *,
     strict_units: bool = False,
+    reader: Reader = NO_FILES,
 ) -> Compiled:
-    """Compile a model. `params`: parameters by path, in their declared units; `strict_units`: no plain number but 0 takes a unit.
+    """Compile a model. `params`: parameters by path, in their declared units; `strict_units`: no plain number but 0 takes a unit; `reader`
+    finds the files that are imported.
 
     Raises ModelError with all problems.
     """
-    model = model_of(source, experiment, params, strict_units=strict_units)
+    model = model_of(source, experiment, params, strict_units=strict_units, reader=reader)
     structural = tuple(p.path for p in model.parameters if p.structural)
     return Compiled(_python(model), model.warnings, structural)
 
@@ -50,14 +53,19 @@ def model_of(
     params: Mapping[str, object] | None = None,
     *,
     strict_units: bool = False,
+    reader: Reader = NO_FILES,
 ) -> Model:
     """The structured model of a source file. Arguments and errors as for `compile_source`."""
-    return analyse(parse(source), experiment=experiment, overrides=params, strict_units=strict_units)
+    return analyse(
+        parse(source), experiment=experiment, overrides=params, strict_units=strict_units, reader=reader
+    )
 
 
-def check_source(source: SourceFile, *, strict_units: bool = False) -> tuple[Problem, ...]:
+def check_source(
+    source: SourceFile, *, strict_units: bool = False, reader: Reader = NO_FILES
+) -> tuple[Problem, ...]:
     """Check everything in a file and give its warnings. Raises ModelError with all problems."""
-    return check_file(parse(source), strict_units=strict_units)
+    return check_file(parse(source), strict_units=strict_units, reader=reader)
 
 
 def emit(
@@ -67,6 +75,7 @@ def emit(
     params: Mapping[str, object] | None = None,
     *,
     strict_units: bool = False,
+    reader: Reader = NO_FILES,
 ) -> str:
     """What a phase made, as text. `stage` is one of `STAGES`; ValueError for another. Other arguments and errors as for `compile_source`."""
     from hierc.compiler.dump import dump_cascade, dump_model, dump_tree
@@ -76,7 +85,7 @@ def emit(
         raise ValueError(f"no stage {stage!r}: choose from {', '.join(STAGES)}")
     if chosen == "ast":
         return dump_tree(parse(source).items)
-    model = model_of(source, experiment, params, strict_units=strict_units)
+    model = model_of(source, experiment, params, strict_units=strict_units, reader=reader)
     match chosen:
         case "model":
             return dump_model(model)

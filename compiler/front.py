@@ -2,13 +2,15 @@
 
 It only calls the phases one after the other; each states its contract in its own module:
 
+    modules       the files of the model                instances    the tree of agents
     declarations  what is declared, by name             parameters   the parameter vector
-    names         every name is right                   flatten      scalar equations, couplings substituted
-    checks        units are known and agree             loops        nothing needs itself
+    views         what each file sees of others         flatten      scalar equations, couplings substituted
+    names         every name is right                   loops        nothing needs itself
     definitions   one for each variable                 nodes        each node in its own indices
-    structural    which parameters are built in         proof        no level depends on a later one
-    constants     values of constants                   grouping     subsystems and their order
-    instances     the tree of agents                    experiments  which agent runs; settings and records
+    linking       one library of all files              proof        no level depends on a later one
+    checks        units are known and agree             grouping     subsystems and their order
+    structural    which parameters are built in         experiments  which agent runs; settings and records
+    constants     values of constants
 
 A phase collects all problems it can find; the first phase with errors is the last one to run.
 """
@@ -24,10 +26,13 @@ from hierc.compiler.collector import Collector, Rejected
 from hierc.compiler.context import Context
 from hierc.compiler.equations.definitions import check_equations
 from hierc.compiler.equations.loops import check_loops
+from hierc.compiler.imports.linking import link
+from hierc.compiler.imports.modules import NO_FILES, Reader, read_modules
+from hierc.compiler.imports.views import views, warn_of_unused
 from hierc.compiler.model import Group, Model, Node, Source
 from hierc.compiler.resolve.constants import file_constants
-from hierc.compiler.resolve.declarations import Library, declare
-from hierc.compiler.resolve.names import Names, check_names
+from hierc.compiler.resolve.declarations import Library
+from hierc.compiler.resolve.names import Names, check_names, names_of
 from hierc.compiler.resolve.outside import Given, check_given
 from hierc.compiler.shapes.evaluate import Budget
 from hierc.compiler.structure.experiments import (
@@ -54,32 +59,38 @@ def analyse(
     experiment: str | None = None,
     overrides: Given | None = None,
     strict_units: bool = False,
+    reader: Reader = NO_FILES,
 ) -> Model:
     """The structured model of a file.
 
-    `experiment` names what runs (see `experiments.choose`). `overrides` gives parameters by path, numbers or nested lists in their declared
-    units: all are checked for name, type and shape, and those of structural parameters are built into the model; the others leave it as it
-    is. `strict_units`: no plain number but 0 takes its neighbour's unit. Raises ModelError with all problems.
+    `reader` finds the files that it imports. `experiment` names what runs (see `experiments.choose`). `overrides` gives parameters by path,
+    numbers or nested lists in their declared units: all are checked for name, type and shape, and those of structural parameters are built
+    into the model; the others leave it as it is. `strict_units`: no plain number but 0 takes its neighbour's unit. Raises ModelError with all problems.
     """
     problems = Collector()
-    library, names = _definitions(file, strict_units, problems)
+    library, names = _definitions(file, reader, strict_units, problems)
     choice = choose(library, experiment, problems)
     problems.stop_on_errors()
     return _model(library, names, choice, overrides or {}, strict_units, problems)
 
 
-def check_file(file: tree.File, *, strict_units: bool = False) -> tuple[Problem, ...]:
+def check_file(
+    file: tree.File, *, strict_units: bool = False, reader: Reader = NO_FILES
+) -> tuple[Problem, ...]:
     """Check a file as it stands: every experiment in it; where there is none, the only agent that no other contains or, of several such,
     every one that can run on its own.
 
     Returns the warnings. Raises ModelError with all problems. The other agents are checked for names, equations and units. `strict_units`
-    is as for `analyse`.
+    and `reader` are as for `analyse`.
     """
     problems = Collector()
-    library, _ = _definitions(file, strict_units, problems)
+    library, names = _definitions(file, reader, strict_units, problems)
     for name in library.experiments or runnable_agents(library):
+        found = Collector()
         try:
-            for warning in analyse(file, experiment=name, strict_units=strict_units).warnings:
+            choice = choose(library, name, found)
+            found.stop_on_errors()
+            for warning in _model(library, names, choice, {}, strict_units, found).warnings:
                 problems.add(warning)
         except ModelError as error:
             for problem in error.problems:
@@ -88,14 +99,22 @@ def check_file(file: tree.File, *, strict_units: bool = False) -> tuple[Problem,
     return told_once(problems.in_source_order())
 
 
-def _definitions(file: tree.File, strict_units: bool, problems: Collector) -> tuple[Library, Names]:
-    """What a file defines, checked by its text alone."""
-    library = declare(file, problems)
+def _definitions(
+    file: tree.File, reader: Reader, strict_units: bool, problems: Collector
+) -> tuple[Library, Names]:
+    """What a file and those that it imports define, checked by their texts alone."""
+    modules = read_modules(file, reader, problems)
     problems.stop_on_errors()
-    names = check_names(library, problems)
-    check_declared_units(library, problems)
-    check_equations(library, problems)
+    files = views(modules, reader.elsewhere, problems)
     problems.stop_on_errors()
+    for view in files:
+        check_names(view.own, view.scope, problems)
+        check_declared_units(view.own, problems)
+        check_equations(view.own, problems)
+        warn_of_unused(view, problems)
+    problems.stop_on_errors()
+    library = link(files)
+    names = names_of(library, problems)
     check_units(library, names, problems, strict=strict_units)
     problems.stop_on_errors()
     return library, names
@@ -149,7 +168,7 @@ def _arranged(context: Context, flat: Flat, parameters: Parameters, choice: Choi
     return Model(
         name=agent.name,
         doc=agent.definition.doc,
-        file=context.library.file.source.name,
+        sources=context.library.sources,
         parameters=parameters.entries,
         parameter_count=parameters.count,
         nodes=nodes,

@@ -18,7 +18,7 @@ from typing import Literal
 from hierc.compiler.columns import Column, Index
 from hierc.compiler.expression import Expr
 from hierc.grammar.problems import Problem
-from hierc.grammar.source import Span
+from hierc.grammar.source import SourceFile, Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +72,7 @@ class Node:
     first: int  # number of its first element
     count: int = 1
     indices: tuple[Index, ...] = ()  # for each `[]` in the path, the elements' indices
+    levels: tuple[str, ...] = ()  # the levels around it, of all agents around it, from the outside: `body`, `robot.fast`
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +173,7 @@ class Model:
 
     name: str  # of the top agent
     doc: str
-    file: str  # the main source file's name
+    sources: tuple[SourceFile, ...]  # the files that it is made of, the main one first
     parameters: tuple[Parameter, ...]  # in dependency order of their values, those of single agents first
     parameter_count: int  # scalars in the parameter vector
     nodes: tuple[Node, ...]  # in execution order
@@ -180,6 +181,11 @@ class Model:
     variables: tuple[Variable, ...]  # in text order
     experiment: Experiment
     warnings: tuple[Problem, ...]
+
+    @property
+    def file(self) -> str:
+        """The main file's name."""
+        return self.sources[0].name
     constants: tuple[Constants, ...] = ()
     order: Column | None = (
         None  # of all single groups, numbered through `groups`, the cascade order; None: as they are numbered

@@ -68,15 +68,6 @@ class ArrayOfAgents(NotSupported):
 
 
 @dataclass(frozen=True)
-class Imports(NotSupported):
-    code = "E008"
-    construct = "imports are"
-    explanation = (
-        "Imports are part of the language but not of this version. Put all definitions into one file."
-    )
-
-
-@dataclass(frozen=True)
 class Invariants(NotSupported):
     """A warning: the block is checked for names and types, and has no effect."""
 

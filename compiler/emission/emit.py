@@ -67,10 +67,18 @@ def _header(plan: Plan, release: str) -> str:
             "",
             *([plan.doc, ""] if plan.doc else []),
             f"Contract {CONTRACT}; source sha256 {plan.digest}.",
+            *_sources(plan),
             "Arguments: t time, x states, u inputs, d discrete variables, p values of the class, q parameters of the node.",
             "",
         ]
     )
+
+
+def _sources(plan: Plan) -> list[str]:
+    """The files of a model of several, each with its digest."""
+    if len(plan.files) == 1:
+        return []
+    return ["Sources:", *(f"    sha256 {digest}  {name}" for name, digest in plan.files), ""]
 
 
 # ---- functions ------------------------------------------------------------------------------

@@ -14,7 +14,6 @@ from typing import TypeVar
 from hierc.compiler import model
 from hierc.compiler.model import Model, Source
 from hierc.compiler.symbolic.derive import Symbolic
-from hierc.grammar.source import SourceFile
 
 #: In a call: the node's right-hand side rather than one of its parts.
 RATES = -1
@@ -64,6 +63,7 @@ class Plan:
     doc: str
     source: str
     digest: str
+    files: tuple[tuple[str, str], ...]  # all that it is made of, with their digests
     symbolic: Symbolic
     nodes: tuple[Node, ...]
     groups: tuple[Group, ...]
@@ -74,13 +74,14 @@ class Plan:
     experiment: model.Experiment
 
 
-def plan(model: Model, symbolic: Symbolic, digest: str | None = None) -> Plan:
-    """The plan of a model. `digest`: sha256 of the source text, by default of the files that the model's nodes stand in."""
+def plan(model: Model, symbolic: Symbolic) -> Plan:
+    """The plan of a model. `digest` is the sha256 of all its files, their names included."""
     return Plan(
         name=model.name,
         doc=model.doc,
         source=model.file,
-        digest=_digest(model) if digest is None else digest,
+        digest=_digest("\0".join(f"{f.name}\0{f.text}" for f in sorted(model.sources, key=lambda f: f.name))),
+        files=tuple((f.name, _digest(f.text)) for f in model.sources),
         symbolic=symbolic,
         nodes=_nodes(model, symbolic),
         groups=_groups(model, symbolic),
@@ -92,13 +93,8 @@ def plan(model: Model, symbolic: Symbolic, digest: str | None = None) -> Plan:
     )
 
 
-def _digest(model: Model) -> str:
-    files: dict[SourceFile, None] = {}
-    for node in model.nodes:
-        files[node.span.file] = None
-        files.update(dict.fromkeys(s.rate_span.file for s in node.states))
-    joined = "\0".join(f"{f.name}\0{f.text}" for f in sorted(files, key=lambda f: (f.name, f.text)))
-    return sha256(joined.encode()).hexdigest()
+def _digest(text: str) -> str:
+    return sha256(text.encode()).hexdigest()
 
 
 # ---- places ---------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ declared twice in one scope, and nothing stands in the library that the later ph
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from hierc.compiler import unsupported
@@ -15,7 +15,7 @@ from hierc.compiler.collector import Collector
 from hierc.compiler.resolve.errors import DeclaredTwice
 from hierc.grammar import tree
 from hierc.grammar.problems import Problem
-from hierc.grammar.source import Span
+from hierc.grammar.source import SourceFile, Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +91,10 @@ class Agent:
     def name(self) -> str:
         return self.definition.name.text
 
+    def names(self) -> tuple[str, ...]:
+        """Everything that is declared in it by a name of its own."""
+        return (*self.params, *self.consts, *self.variables, *self.lets, *self.subs)
+
     def reads(self) -> tuple[str, ...]:
         """Names of the `read` variables."""
         return tuple(v.name for v in self.variables.values() if v.decl.access == "read")
@@ -118,13 +122,24 @@ class Agent:
 
 @dataclass(frozen=True, slots=True)
 class Library:
-    """All definitions of a file."""
+    """All definitions of a file, or of several linked files; `sources` are their texts, the main one first.
+
+    Of a file that imports others there is also the library of all that it sees, by the names that it uses: `modules` are those of imported files.
+    `elsewhere` says of names that could be imported in which module they are, for advice.
+    """
 
     file: tree.File
     consts: Mapping[str, tree.Const]
     funcs: Mapping[str, tree.Func]
     agents: Mapping[str, Agent]
     experiments: Mapping[str, tree.Experiment]
+    sources: tuple[SourceFile, ...]
+    modules: frozenset[str] = frozenset()
+    elsewhere: Mapping[str, str] = field(default_factory=dict)
+
+    def own_agents(self) -> tuple[str, ...]:
+        """The agents that the main file defines."""
+        return tuple(n for n, agent in self.agents.items() if agent.definition.span.file is self.file.source)
 
 
 def declare(file: tree.File, problems: Collector) -> Library:
@@ -146,15 +161,18 @@ def declare(file: tree.File, problems: Collector) -> Library:
                 agents[name.text] = _AgentSorter(item, problems).result()
             case tree.Experiment(name=name) if experiment_names.new(name):
                 experiments[name.text] = item
-            case tree.Import() | tree.FromImport():
-                problems.add(unsupported.Imports(item.span))
+            case tree.Import(module=module, alias=alias):
+                values.new(alias or tree.Name(module.span, module.text))
+            case tree.FromImport(names=names):
+                for name in names:
+                    values.new(name)
             case tree.Extern(name=name):
                 problems.add(unsupported.ExternalFunction(name.span))
             case tree.Table(name=name):
                 problems.add(unsupported.DataTable(name.span))
             case _:
                 pass  # declared twice: reported
-    return Library(file, consts, funcs, agents, experiments)
+    return Library(file, consts, funcs, agents, experiments, (file.source,))
 
 
 class _Names:

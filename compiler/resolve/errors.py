@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from hierc.compiler.suggest import did_you_mean, listed
+from hierc.compiler.suggest import did_you_mean, import_line, listed
 from hierc.grammar.problems import Label, Problem
 from hierc.grammar.source import Span
 
@@ -135,12 +135,13 @@ class UnknownAgent(Problem):
     explanation = "The agent named here is defined neither in this file nor imported."
     name: str
     candidates: tuple[str, ...]
+    module: str | None = None  # that defines it and could be imported
 
     def title(self) -> str:
         return f"unknown agent `{self.name}`"
 
     def help(self) -> tuple[str, ...]:
-        return did_you_mean(self.name, self.candidates)
+        return import_line(self.name, self.module) or did_you_mean(self.name, self.candidates)
 
 
 @dataclass(frozen=True)
@@ -215,15 +216,16 @@ class Shadowed(Problem):
 @dataclass(frozen=True)
 class UnknownFunction(Problem):
     code = "E213"
-    explanation = "The function is neither defined in this file nor built in."
+    explanation = "The function is neither defined in this file, nor imported, nor built in."
     name: str
     candidates: tuple[str, ...]
+    module: str | None = None  # that defines it and could be imported
 
     def title(self) -> str:
         return f"unknown function `{self.name}`"
 
     def help(self) -> tuple[str, ...]:
-        return did_you_mean(self.name, self.candidates)
+        return import_line(self.name, self.module) or did_you_mean(self.name, self.candidates)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Names: every name in every expression stands for something, of the right kind.
 
-In: a `Library`. Out: `Names`: the orders in which constants and `let`s can be evaluated. Guaranteed: every reference, call, instance, argument
-and coupling names something that exists and is visible; nothing contains or calls itself; expressions are not too deeply nested. Agents are checked whether
-or not the chosen model uses them.
+In: a file's own `Library`, and that of all it sees. Guaranteed: every reference, call, instance, argument and coupling names something that
+exists and is visible; nothing contains or calls itself; expressions are not too deeply nested. Agents and experiments are checked whether or not they are
+chosen to run. For the linked library there are `Names`: the orders in which constants and `let`s can be evaluated.
 """
 
 from __future__ import annotations
@@ -47,27 +47,37 @@ class Names:
     parameter_lets: Mapping[str, frozenset[str]]  # for each agent, those made of parameters only
 
 
-def check_names(library: Library, problems: Collector) -> Names:
-    """Check every name in `library`."""
+def check_names(library: Library, scope: Library, problems: Collector) -> None:
+    """Check every name in `library`, a file's own definitions, which sees what is in `scope`."""
     check_containment(library, problems)
     check_calls_end(library, problems)
+    order_of_consts(library.consts, problems)
     for const in library.consts.values():
-        scope = FileScope(library, problems, f"constant `{const.name.text}`", "a constant")
-        scope.check_all((const.value, *const.type.sizes))
-        scope.check_shadowing(const.name, file_level=True)
+        names = FileScope(scope, problems, f"constant `{const.name.text}`", "a constant")
+        names.check_all((const.value, *const.type.sizes))
+        names.check_shadowing(const.name, file_level=True)
     for func in library.funcs.values():
-        _check_function(library, func, problems)
-    lets: dict[str, tuple[str, ...]] = {}
-    fixed_lets = {name: parameter_lets(agent, library.consts) for name, agent in library.agents.items()}
-    agent_consts: dict[str, tuple[str, ...]] = {}
+        _check_function(scope, func, problems)
     for agent in library.agents.values():
-        used = _AgentChecker(library, agent, fixed_lets[agent.name], problems).check()
-        lets[agent.name] = order_of_lets(agent, problems)
-        agent_consts[agent.name] = order_of_consts(agent.consts, problems)
+        used = _AgentChecker(scope, agent, parameter_lets(agent, scope.consts), problems).check()
+        order_of_lets(agent, problems)
+        order_of_consts(agent.consts, problems)
         for name, let in agent.lets.items():
             if name not in used:
                 problems.add(UnusedLet(let.let.name.span, name=name))
-    return Names(order_of_consts(library.consts, problems), agent_consts, lets, fixed_lets)
+    for experiment in library.experiments.values():
+        _check_experiment(scope, experiment, problems)
+
+
+def names_of(library: Library, problems: Collector) -> Names:
+    """What is known of the names of a linked library, all of which are right."""
+    agents = library.agents.items()
+    return Names(
+        order_of_consts(library.consts, problems),
+        {name: order_of_consts(agent.consts, problems) for name, agent in agents},
+        {name: order_of_lets(agent, problems) for name, agent in agents},
+        {name: parameter_lets(agent, library.consts) for name, agent in agents},
+    )
 
 
 def size_names(func: tree.Func, consts: Mapping[str, tree.Const]) -> frozenset[str]:
@@ -182,11 +192,7 @@ class _AgentChecker:
         scope.check_all(bind.value for bind in instance.bindings)
         inner = self._library.agents.get(instance.agent.text)
         if inner is None:
-            self._problems.add(
-                UnknownAgent(
-                    instance.agent.span, name=instance.agent.text, candidates=tuple(self._library.agents)
-                )
-            )
+            self._problems.add(unknown_agent(instance.agent, self._library))
             return
         check_arguments(inner, instance.args, instance.agent.span, self._problems)
         check_bindings(inner, instance.bindings, instance.name, self._problems)
@@ -229,8 +235,16 @@ def check_bindings(
             )
 
 
-def check_experiment_names(library: Library, experiment: tree.Experiment, problems: Collector) -> None:
-    """The expressions of an experiment use the file's constants; its couplings also the time."""
+def unknown_agent(agent: tree.Dotted, scope: Library) -> UnknownAgent:
+    """The problem of an agent that a file does not see."""
+    module = scope.elsewhere.get(agent.text)
+    return UnknownAgent(agent.span, name=agent.text, candidates=tuple(scope.agents), module=module)
+
+
+def _check_experiment(library: Library, experiment: tree.Experiment, problems: Collector) -> None:
+    """The agent is there. The expressions use the file's constants; those of couplings also the time."""
+    if experiment.agent.text not in library.agents:
+        problems.add(unknown_agent(experiment.agent, library))
     where = f"experiment `{experiment.name.text}`"
     scope = FileScope(library, problems, where, "an argument or setting of an experiment")
     scope.check_all(arg.value for arg in experiment.args)

@@ -5,7 +5,7 @@ A scope checks expressions: every problem goes to the collector, and nothing is 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable
 
 from hierc.compiler import unsupported
 from hierc.compiler.collector import Collector, Rejected
@@ -87,31 +87,36 @@ class FileScope:
         if name in LATER_FUNCTIONS:
             self.problems.add(unsupported.Function(call.function.span, use=f"`{name}`"))
         elif name not in self.library.funcs and name not in BUILT_IN_FUNCTIONS:
-            names = (*self.library.funcs, *BUILT_IN_FUNCTIONS)
-            self.problems.add(UnknownFunction(call.function.span, name=name, candidates=names))
+            names, module = (*self.library.funcs, *BUILT_IN_FUNCTIONS), self.library.elsewhere.get(name)
+            self.problems.add(UnknownFunction(call.function.span, name=name, candidates=names, module=module))
 
     def _reference(self, ref: tree.Ref, bound: frozenset[str]) -> None:
         name = ref.path.steps[0].name.text
-        if name in bound and len(ref.path.steps) == 1:
-            return
-        self.resolve(ref, name)
+        if name not in bound:
+            self.resolve(ref, name)
+        elif len(ref.path.steps) > 1:
+            self.unknown(ref.path, name)
 
     def resolve(self, ref: tree.Ref, name: str) -> None:
         """Check that the path of `ref`, which starts with `name`, is visible here."""
-        known = name in self.library.consts or name in BUILT_IN_VALUES
-        if known and len(ref.path.steps) == 1:
+        text = ref.path.text
+        known = text in self.library.consts or text in BUILT_IN_VALUES
+        if known and not any(step.subs for step in ref.path.steps[:-1]):
             return
-        kinds: tuple[tuple[Mapping[str, object], str], ...] = (
-            (self.library.funcs, "a function"), (self.library.agents, "an agent"), (self.library.experiments, "an experiment"),
+        kinds: tuple[tuple[Container[str], str], ...] = (
+            (self.library.funcs, "a function"), (self.library.agents, "an agent"),
+            (self.library.experiments, "an experiment"), (self.library.modules, "an imported file"),
         )  # fmt: skip
         for names, kind in kinds:
-            if name in names:
-                self.problems.add(NotAValue(ref.span, name=name, kind=kind))
+            found = next((n for n in (text, name) if n in names), None)
+            if found is not None and (found == text or kind != "an imported file"):
+                self.problems.add(NotAValue(ref.span, name=found, kind=kind))
                 return
         self.unknown(ref.path, name)
 
     def unknown(self, path: tree.Path, name: str) -> None:
-        wrong = path.text if name in self.candidates() else name
+        qualified = any(path.text.startswith(f"{module}.") for module in self.library.modules)
+        wrong = path.text if qualified or name in self.candidates() else name
         self.problems.add(UnknownName(path.span, name=wrong, where=self.where, candidates=self.candidates()))
 
     def check_shadowing(self, name: tree.Name, *, file_level: bool = False) -> None:
@@ -132,8 +137,10 @@ class FunctionScope(FileScope):
         return (*sorted(self._names), *super().candidates())
 
     def resolve(self, ref: tree.Ref, name: str) -> None:
-        if name not in self._names or len(ref.path.steps) > 1:
+        if name not in self._names:
             super().resolve(ref, name)
+        elif len(ref.path.steps) > 1:
+            self.unknown(ref.path, name)
 
 
 class AgentScope(FileScope):
@@ -167,7 +174,7 @@ class AgentScope(FileScope):
         if name in agent.subs:
             self._sub_agent(ref, name)
         elif len(steps) > 1:
-            super().resolve(ref, name)
+            self._qualified(ref, name)
         elif name in agent.params:
             if name not in self._params:
                 self._not_constant(ref, "a parameter" if self.place == "a constant" else "a later parameter")
@@ -178,6 +185,13 @@ class AgentScope(FileScope):
             if name not in self._lets:
                 self._not_constant(ref, "a `let` of variables" if self._params else "a `let`")
         elif name not in agent.consts:
+            super().resolve(ref, name)
+
+    def _qualified(self, ref: tree.Ref, name: str) -> None:
+        """A path that starts with no sub-agent: something of an imported file, unless the agent has that name for something else."""
+        if name in self._agent.names():
+            self.unknown(ref.path, name)
+        else:
             super().resolve(ref, name)
 
     def _not_constant(self, ref: tree.Ref, kind: str) -> None:

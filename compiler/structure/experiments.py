@@ -17,7 +17,7 @@ from hierc.compiler import unsupported
 from hierc.compiler.collector import Collector, Rejected
 from hierc.compiler.model import Experiment, Group, Node, Settings, Variable
 from hierc.compiler.resolve.declarations import Agent, Library
-from hierc.compiler.resolve.errors import GivenTwice, UnknownAgent, UnknownParameter
+from hierc.compiler.resolve.errors import GivenTwice, UnknownParameter
 from hierc.compiler.resolve.names import check_arguments, check_bindings
 from hierc.compiler.shapes.evaluate import Environment, evaluate
 from hierc.compiler.shapes.folding import constant
@@ -30,7 +30,7 @@ from hierc.compiler.structure.errors import (
     WrongValue,
 )
 from hierc.compiler.structure.instances import Instance
-from hierc.compiler.structure.paths import find, recorded
+from hierc.compiler.structure.paths import find, group_named, recorded
 from hierc.grammar import tree
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import Span
@@ -321,21 +321,10 @@ class _Resolver:
         self.save.extend(item.files)
 
     def _group(self, item: tree.GroupSettings) -> None:
-        name = self._group_name(item.path.text)
-        if name is None:
-            known = tuple(group.name for group in self._groups)
-            self._problems.add(
-                UnknownPath(item.path.span, what="group", path=item.path.text, candidates=known)
-            )
+        try:
+            name = group_named(item.path, self._groups, self._nodes)
+        except Rejected as rejection:
+            self._problems.rejected(rejection)
             return
         for setting in item.settings:
             self._setting(setting, self.groups.setdefault(name, {}), GROUP_SETTINGS)
-
-    def _group_name(self, path: str) -> str | None:
-        """A group by its name, or by the path of an agent in it."""
-        if any(group.name == path for group in self._groups):
-            return path
-        for group in self._groups:
-            if any(self._nodes[node].path == path for node in group.nodes):
-                return group.name
-        return None

@@ -205,7 +205,7 @@ def build(name, agents, groups, *, doc="", settings=m.Settings(), record=(), sav
     return m.Model(
         name,
         doc,
-        file.name,
+        (file,),
         tuple(parameters),
         first,
         tuple(nodes),

@@ -22,7 +22,7 @@ from hierc.runtime import contract
 
 
 def generate(model: m.Model) -> str:
-    return emit(plan(model, derive(model), digest="0" * 64))
+    return emit(plan(model, derive(model)))
 
 
 class StubModel:
