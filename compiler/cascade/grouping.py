@@ -22,7 +22,7 @@ from hierc.compiler.cascade.graphs import components, order
 from hierc.compiler.cascade.proof import Cascade
 from hierc.compiler.collector import Collector
 from hierc.compiler.structure.flat import FlatNode
-from hierc.compiler.structure.instances import Block, Instance, Standing
+from hierc.compiler.structure.instances import Instance, Standing, level_name
 from hierc.compiler.structure.nodes import LocalNode
 from hierc.grammar import tree
 from hierc.grammar.source import Span
@@ -109,7 +109,7 @@ class _Assignment:
                 continue
             levels = self._flat_nodes[node].levels
             if levels:
-                found[node] = self._level_name(*levels[-1])
+                found[node] = level_name(self._instances, levels[-1])
             else:
                 loose.append(node)
         for part in self._connected(loose):
@@ -118,10 +118,6 @@ class _Assignment:
                 found[node] = name
         self._check_rest(found, written)
         return [name if self._nodes[n].node.states else None for n, name in enumerate(found)]
-
-    def _level_name(self, block: Block, index: int) -> str:
-        around = self._instances[block[0]]
-        return around.named(around.agent.inside(block[1])[index])
 
     def _check_rest(self, names: Sequence[str | None], written: Mapping[int, str]) -> None:
         """What no `group` names may have the name of none: a level that is split, or an agent."""
@@ -238,13 +234,13 @@ def _warn_of_stateless_levels(
         for standing in node.levels:
             members.setdefault(standing, set()).add(n)
     told: set[int] = set()
-    for (block, index), inside in sorted(members.items(), key=lambda item: len(item[1]), reverse=True):
+    for standing, inside in sorted(members.items(), key=lambda item: len(item[1]), reverse=True):
         if inside <= told or any(nodes[n].node.states for n in inside):
             continue
         told |= inside
-        around = instances[block[0]]
-        name = around.agent.inside(block[1])[index]
         readers = [names[n] for n, direct in enumerate(cascade.direct) if inside & set(direct)]
         reader = next((r for r in readers if r is not None), None)
-        span = around.agent.levels[name].span
-        problems.add(LevelWithoutStates(span, level=around.named(name), reader=reader))
+        (instance, outer), index = standing
+        agent = instances[instance].agent
+        span = agent.levels[agent.inside(outer)[index]].span
+        problems.add(LevelWithoutStates(span, level=level_name(instances, standing), reader=reader))

@@ -84,16 +84,22 @@ class NoChoice(Problem):
 @dataclass(frozen=True)
 class UnknownPath(Problem):
     code = "E910"
-    explanation = "Paths in an experiment start in its agent: `cart.x` is variable `x` of sub-agent `cart`."
+    explanation = (
+        "Paths in an experiment start in its agent: `cart.x` is variable `x` of sub-agent `cart`. Levels are no part of paths. `group` names a group, "
+        "or an agent or level that is in one as a whole."
+    )
     what: str  # `state`, `group`, `agent`
     path: str
     candidates: tuple[str, ...]
     shorter: str | None = None  # what the path is without the name of a level
+    several: tuple[str, ...] = ()  # the groups inside
 
     def title(self) -> str:
         return f"there is no {self.what} `{self.path}`"
 
     def help(self) -> tuple[str, ...]:
+        if self.several:
+            return (f"name one of the groups in `{self.path}`: {listed(self.several)}",)
         if self.shorter is not None:
             return (did_you_mean_without(self.shorter),)
         return did_you_mean(self.path, self.candidates)

@@ -6,7 +6,7 @@ places in the tuple. Counted before it is built.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from hierc.compiler.collector import Rejected
@@ -60,6 +60,13 @@ class Instance:
             return (*self.place, (-1, position))
         outer = ((level.index, level.level.span.start) for level in inner[:-1])
         return (*self.place, *outer, (inner[-1].index, position))
+
+
+def level_name(instances: Sequence[Instance], standing: Standing) -> str:
+    """The full name of a level: the path of its agent, then its own name; outer levels are no part of it."""
+    (instance, outer), index = standing
+    around = instances[instance]
+    return around.named(around.agent.inside(outer)[index])
 
 
 def instances(library: Library, top: Agent) -> tuple[Instance, ...]:

@@ -14,6 +14,7 @@ from hierc.compiler.expression import Expr, Input, Local, Parameter, Rate, State
 from hierc.compiler.model import Definition, Node, Source, StateEquation, Variable
 from hierc.compiler.shapes.terms import rewritten
 from hierc.compiler.structure.flat import Flat, FlatVariable, leaves
+from hierc.compiler.structure.instances import level_name
 from hierc.grammar.source import Span
 
 
@@ -151,6 +152,7 @@ class _NodeMaker:
         node = Node(
             self._node, here.path, here.template, tuple(states), tuple(definitions),
             tuple(self._inputs), tuple(self._input_spans), tuple(self._parameters), here.span, self._node,
+            levels=tuple(level_name(flat.instances, level) for level in here.levels),
         )  # fmt: skip
         return LocalNode(node, continuous)
 

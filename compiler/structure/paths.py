@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from hierc.compiler.collector import Rejected
-from hierc.compiler.model import Variable
+from hierc.compiler.model import Group, Node, Variable
 from hierc.compiler.shapes.evaluate import Environment, selected
 from hierc.compiler.shapes.values import Shape, element_names, type_text
 from hierc.compiler.structure.errors import MatchesNothing, UnknownPath
@@ -43,6 +43,26 @@ def find(path: tree.Path, instances: Sequence[Instance]) -> Named:
         at = instances[at.children[name]]
     last = path.steps[-1]
     return Named(at, last.name.text, last.subs)
+
+
+def group_named(path: tree.Path, groups: Sequence[Group], nodes: Sequence[Node]) -> str:
+    """The group of this name, or the one that all of an agent or level belongs to. Raises Rejected (E910)."""
+    text = path.span.text
+    known = tuple(group.name for group in groups)
+    if text in known:
+        return text
+    found = tuple(group.name for group in groups if any(_is_in(nodes[n], text) for n in group.nodes))
+    if len(found) != 1:
+        shorter = without_level(text, known)
+        raise Rejected(
+            UnknownPath(path.span, what="group", path=text, candidates=known, shorter=shorter, several=found)
+        )
+    return found[0]
+
+
+def _is_in(node: Node, path: str) -> bool:
+    """Whether a node is the agent or level of this name, or in it."""
+    return node.path == path or node.path.startswith(f"{path}.") or path in node.levels
 
 
 def elements(

@@ -28,7 +28,14 @@ def node(model: Model, path: str) -> Node:
 def form(node: Node) -> Node:
     """What a node says, without where it stands and what it reads: equal for nodes of one class."""
     bare = replace(
-        node, id=0, path="", inputs=(), input_spans=(), parameters=tuple(range(len(node.parameters)))
+        node,
+        id=0,
+        first=0,
+        path="",
+        levels=(),
+        inputs=(),
+        input_spans=(),
+        parameters=tuple(range(len(node.parameters))),
     )
     states = tuple(replace(s, span=node.span, rate_span=node.span) for s in node.states)
     definitions = tuple(replace(d, span=node.span) for d in node.definitions)
