@@ -10,6 +10,7 @@ from oracle import System, generate
 
 from hierc.compiler.emission.names import class_names
 from hierc.compiler.model import Settings, Variable
+from hierc.grammar.source import SourceFile
 
 HOSTILE = sorted(
     {
@@ -151,7 +152,7 @@ def test_text_of_the_user_stays_text(evil):
         **{
             **{f: getattr(model, f) for f in model.__slots__},
             "variables": (variable,),
-            "file": evil + ".hier",
+            "sources": (SourceFile(evil + ".hier", ""), SourceFile("std/" + evil, evil)),
         }
     )
     text = generate(model)

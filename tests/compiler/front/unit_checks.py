@@ -5,7 +5,7 @@ from __future__ import annotations
 from hierc.compiler.collector import Collector
 from hierc.compiler.front import analyse
 from hierc.compiler.resolve.declarations import declare
-from hierc.compiler.resolve.names import check_names
+from hierc.compiler.resolve.names import names_of
 from hierc.compiler.units.agreement import Rules
 from hierc.compiler.units.checks import AgentScope, check_declared_units, check_units
 from hierc.compiler.units.inference import FileScope, Inference, Shared
@@ -41,7 +41,7 @@ def unit_of(expression: str, world: str = WORLD, *, strict: bool = False) -> tup
     file = parse(SourceFile("test.hier", f"{world} let result = {expression}; }}"))
     library = declare(file, problems)
     (agent,) = library.agents.values()
-    names = check_names(library, problems)
+    names = names_of(library, problems)
     found = Collector()
     shared = Shared(library, Rules(strict, Spellings([]), found.add))
     scope = AgentScope(library, agent, FileScope(library, {}))
@@ -56,7 +56,7 @@ def codes(text: str, agent: str | None = "A") -> list[str]:
     if agent is None:
         problems = Collector()
         library = declare(file, Collector())
-        names = check_names(library, Collector())
+        names = names_of(library, Collector())
         check_declared_units(library, problems)
         check_units(library, names, problems, strict=False)
         return [p.code for p in problems.in_source_order()]
