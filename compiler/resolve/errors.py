@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from hierc.compiler.suggest import did_you_mean, import_line, listed
+from hierc.compiler.suggest import did_you_mean, did_you_mean_without, import_line, listed
 from hierc.grammar.problems import Label, Problem
 from hierc.grammar.source import Span
 
@@ -20,11 +20,14 @@ class UnknownName(Problem):
     name: str
     where: str
     candidates: tuple[str, ...]
+    shorter: str | None = None  # what the path is without the name of a level
 
     def title(self) -> str:
         return f"unknown name `{self.name}` in {self.where}"
 
     def help(self) -> tuple[str, ...]:
+        if self.shorter is not None:
+            return (did_you_mean_without(self.shorter),)
         time = ("the time is written `time`",) if self.name == "t" else ()
         return (*time, *did_you_mean(self.name, self.candidates))
 
@@ -104,6 +107,8 @@ class NotVisible(Problem):
         return (Label(self.declared, "declared here"),)
 
     def help(self) -> tuple[str, ...]:
+        if self.kind == "a read variable":
+            return (f"use what the coupling `{self.name} := …` gives it",)
         return ("declare it `write` to use it outside",) if self.kind == "private" else ()
 
 
@@ -182,12 +187,13 @@ class TooDeep(Problem):
     explanation = "Couplings reach one level deep: an agent may use `write` variables of its own sub-agents, not of what those contain."
     path: str
     owner: str
+    advice: tuple[str, ...] = ()  # how to pass the variable on, where that is known
 
     def title(self) -> str:
         return f"`{self.path}` reaches into `{self.owner}`: only its own `write` variables are visible"
 
     def help(self) -> tuple[str, ...]:
-        return (f"give `{self.owner}` a `write` variable of its own for it",)
+        return self.advice or (f"give `{self.owner}` a `write` variable of its own for it",)
 
 
 @dataclass(frozen=True)

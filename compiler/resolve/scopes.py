@@ -5,11 +5,11 @@ A scope checks expressions: every problem goes to the collector, and nothing is 
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Sequence
 
 from hierc.compiler import unsupported
 from hierc.compiler.collector import Collector, Rejected
-from hierc.compiler.resolve.declarations import Agent, Library
+from hierc.compiler.resolve.declarations import Agent, Library, Variable
 from hierc.compiler.resolve.errors import (
     NestedTooDeeply,
     NotAConstant,
@@ -189,7 +189,12 @@ class AgentScope(FileScope):
 
     def _qualified(self, ref: tree.Ref, name: str) -> None:
         """A path that starts with no sub-agent: something of an imported file, unless the agent has that name for something else."""
-        if name in self._agent.names():
+        if name in self._agent.levels and ref.path.text not in self.library.consts:
+            where, shorter = self.where, without_step(ref.path, name)
+            self.problems.add(
+                UnknownName(ref.path.span, name=ref.path.text, where=where, candidates=(), shorter=shorter)
+            )
+        elif name in self._agent.names():
             self.unknown(ref.path, name)
         else:
             super().resolve(ref, name)
@@ -207,10 +212,39 @@ class AgentScope(FileScope):
             self._not_constant(ref, "a variable")
         elif inner is None:
             pass  # the instance is reported
-        elif len(steps) > 2 or steps[1].name.text in inner.subs:
-            self.problems.add(TooDeep(ref.path.span, path=ref.path.text, owner=name))
-        else:
+        elif len(steps) == 2 and steps[1].name.text not in inner.subs:
             self._visible(ref, steps[1].name.text, inner)
+        else:
+            self._beyond(ref, inner)
+
+    def _beyond(self, ref: tree.Ref, inner: Agent) -> None:
+        """A path through the sub-agent `inner` into what that contains. What would be wrong with it even from nearby comes first."""
+        names = [step.name.text for step in ref.path.steps]
+        through = [inner]
+        for name in names[1:-1]:
+            if name not in through[-1].subs:
+                self._visible(ref, name, through[-1])
+                return
+            next_ = self._contained(through[-1], name)
+            if next_ is None:
+                self.problems.add(TooDeep(ref.path.span, path=ref.path.text, owner=names[0]))
+                return
+            through.append(next_)
+        owner, last = through[-1], names[-1]
+        variable = owner.variables.get(last)
+        if last in owner.subs:
+            self.problems.add(NotAValue(ref.span, name=ref.path.text, kind="an agent"))
+        elif variable is None or variable.decl.access != "write":
+            self._visible(ref, last, owner)
+        else:
+            advice = _passed_on(names, through[:-1], variable, rate=ref.prime)
+            self.problems.add(TooDeep(ref.path.span, path=ref.path.text, owner=names[0], advice=advice))
+
+    def _contained(self, agent: Agent, name: str) -> Agent | None:
+        """A sub-agent's definition, where it can be seen from here: other files have names of their own."""
+        if agent.definition.span.file is not self._agent.definition.span.file:
+            return None
+        return self.library.agents.get(agent.subs[name].instance.agent.text)
 
     def _visible(self, ref: tree.Ref, name: str, inner: Agent) -> None:
         variable = inner.variables.get(name)
@@ -218,13 +252,40 @@ class AgentScope(FileScope):
             return
         found = _declared(inner, name)
         if found is None:
-            where = f"agent `{inner.name}`"
-            self.problems.add(UnknownName(ref.path.span, name=name, where=where, candidates=inner.writes()))
+            where, candidates = f"agent `{inner.name}`", (*inner.writes(), *inner.subs)
+            shorter = without_step(ref.path, name) if name in inner.levels else None
+            self.problems.add(
+                UnknownName(ref.path.span, name=name, where=where, candidates=candidates, shorter=shorter)
+            )
         else:
             kind, span = found
             self.problems.add(
                 NotVisible(ref.path.span, agent=inner.name, name=name, kind=kind, declared=span)
             )
+
+
+def _passed_on(
+    names: Sequence[str], through: Sequence[Agent], variable: Variable, *, rate: bool
+) -> tuple[str, ...]:
+    """What to write so that `variable`, by the path `names`, can be read: a variable of its own in each agent on the way, innermost first."""
+    unit = f" [{variable.declarator.unit.text}]" if variable.declarator.unit and not rate else ""
+    name, below = names[-1] + "_rate" * rate, ".".join(names[-2:]) + "'" * rate
+    advice: list[str] = []
+    for agent, holder, inner in zip(
+        reversed(through), reversed(names[:-2]), reversed(names[1:-1]), strict=True
+    ):
+        name = f"{inner}_{name}" if name in agent.names() else name
+        declared = f"write {variable.decl.type.span.text} {name}{unit}; alge {{ {name} = {below}; }}"
+        advice.append(f"add to `{agent.name}`: `{declared}`")
+        below = f"{holder}.{name}"
+    return (*advice, f"and write `{below}` here")
+
+
+def without_step(path: tree.Path, name: str) -> str:
+    """The text of a path without the first step of this name."""
+    names = [step.name.text for step in path.steps]
+    names.remove(name)
+    return ".".join(names)
 
 
 def _declared(agent: Agent, name: str) -> tuple[str, Span] | None:
