@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, assert_never
+from typing import Any
 
 from hierc.compiler.collector import Collector
 from hierc.compiler.imports.errors import NotInFile, UnusedImport
@@ -52,16 +52,13 @@ def warn_of_unused(view: View, problems: Collector) -> None:
         return
     used = set(_used(view.module.file.items))
     for statement in statements(view.module.file):
-        match statement:
-            case tree.FromImport(names=names):
-                unused = [name for name in names if name.text not in used]
-            case tree.Import():
-                name = spelled_name(statement)
-                unused = [] if any(text.startswith(f"{name.text}.") for text in used) else [name]
-            case _ as never:
-                assert_never(never)
-        for name in unused:
-            problems.add(UnusedImport(name.span, name.text))
+        for name in statement.names if isinstance(statement, tree.FromImport) else ():
+            if name.text not in used:
+                problems.add(UnusedImport(name.span, name.text))
+        if isinstance(statement, tree.Import):
+            name = spelled_name(statement)
+            if not any(text.startswith(f"{name.text}.") for text in used):
+                problems.add(UnusedImport(name.span, name.text))
 
 
 def spelled_name(statement: tree.Import) -> tree.Name:

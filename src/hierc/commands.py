@@ -34,11 +34,12 @@ def check(arguments: Namespace) -> int:
     """Report every problem of a model; run nothing."""
     from hierc.compiler.driver import check_source
 
-    source = loader.read_file(arguments.file)
-    warnings = check_source(source, strict_units=arguments.units == "strict")  # raises ModelError
+    text = loader.read_file(arguments.file)
+    strict = arguments.units == "strict"
+    warnings = check_source(text.source, strict_units=strict, reader=text.finder)  # raises ModelError
     if arguments.json or warnings:
         show_problems(warnings, as_json=arguments.json)
-    say(f"{source.name}: no errors")
+    say(f"{text.source.name}: no errors")
     return OK
 
 
@@ -61,12 +62,14 @@ def compile(arguments: Namespace) -> int:
 
     if arguments.output and arguments.output != "-":
         _check_module(Path(arguments.output), python=arguments.emit == "python")
+    model = loader.read_file(arguments.file)
     text = emit(
-        loader.read_file(arguments.file),
+        model.source,
         arguments.emit,
         arguments.experiment,
         parse_params(arguments.params),
         strict_units=arguments.units == "strict",
+        reader=model.finder,
     )
     if arguments.output in (None, "-"):
         sys.stdout.write(text)
@@ -123,7 +126,8 @@ def graph(arguments: Namespace) -> int:
     if path is not None:
         check_writable(path, (*picture.SUFFIXES, *graph.WRITERS))
     params = parse_params(arguments.params)
-    shown = diagram(model_of(loader.read_file(arguments.file), arguments.experiment, params))
+    text = loader.read_file(arguments.file)
+    shown = diagram(model_of(text.source, arguments.experiment, params, reader=text.finder))
     if path is None:
         marks = graph.marks_for(sys.stdout.encoding)
         sys.stdout.write(graph.to_text(shown, marks, shutil.get_terminal_size((100, 24)).columns))

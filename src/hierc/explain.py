@@ -131,11 +131,13 @@ def message_of(source: SourceFile) -> str:
 def problems_of(source: SourceFile) -> tuple[Problem, ...]:
     """All problems of a model: its errors, or its warnings if it has none."""
     from hierc.compiler.driver import check_source, compile_source
+    from hierc.loader import placed
 
+    finder = placed(source, _FOLDER / source.name).finder
     try:
-        warnings = check_source(source)
+        warnings = check_source(source, reader=finder)
         if not warnings:
-            compile_source(source)  # a few problems show only when derivatives are taken
+            compile_source(source, reader=finder)  # a few problems show only when derivatives are taken
     except ModelError as error:
         return error.problems
     return warnings

@@ -1,8 +1,8 @@
 """From a model's text to a runnable model, by way of the generated module and its cache.
 
 What is compiled is kept in a folder that only the user may write, under a hash of everything it was made from: hierc's version and the
-compiler's own sources, the model's text, the experiment, and the values of structural parameters. When nothing of that has changed, neither
-lark nor sympy is imported. Two processes may share the folder: files appear whole, and whoever comes second replaces like with like.
+compiler's own sources, the texts of all files of the model, the experiment, and the values of structural parameters. When nothing of that has
+changed, neither lark nor sympy is imported. Two processes may share the folder: files appear whole, and whoever comes second replaces like with like.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ import hashlib
 import importlib.util
 import json
 import linecache
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, cast
 
+from hierc.finder import Finder, Seen, unchanged
 from hierc.runtime.errors import SettingError
 from hierc.runtime.files import cache_folder, write_whole
 from hierc.version import __version__
@@ -31,6 +32,14 @@ if TYPE_CHECKING:
 Value = Any
 #: Cached files kept; the oldest go first.
 _KEPT = 400
+
+
+@dataclass(frozen=True, slots=True)
+class ModelText:
+    """A model's main file, and what finds the files that it imports."""
+
+    source: SourceFile
+    finder: Finder
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +69,8 @@ def load(
 ) -> Model:
     """Compile a model, or take it from the cache, ready to `simulate`.
 
-    `source` is a path, the name of a packaged model (`"cart"`), or the text of a model (a `str` with a `{` in it). `params` replaces
+    `source` is a path, the name of a packaged model (`"cart"`), or the text of a model (a `str` with a `{` in it), which imports files as if
+    it stood in the current folder. `params` replaces
     parameters by path, structural ones included, in their declared units; the others become defaults that `simulate` may replace again.
     `cache=False` compiles afresh. `strict_units`: no plain number but 0 takes its neighbour's unit. Raises
     `hierc.ModelError` with all problems, ValueError for parameters that do not fit.
@@ -79,27 +89,33 @@ def compile(
     """The text of the Python module that a model compiles to. Arguments and errors as for `load`."""
     from hierc.compiler.driver import compile_source
 
-    return compile_source(read(source), experiment, params or {}).text
+    text = read(source)
+    return compile_source(text.source, experiment, params or {}, reader=text.finder).text
 
 
-def read(source: str | Path) -> SourceFile:
-    """The source file that `source` names or holds; see `load`. Raises `hierc.ModelError` if it cannot be read."""
+def read(source: str | Path) -> ModelText:
+    """The model that `source` names or holds; see `load`. Raises `hierc.ModelError` if it cannot be read."""
     from hierc.grammar.source import SourceFile
 
     if isinstance(source, str) and "{" in source:
-        return SourceFile("<text>", source)
+        return placed(SourceFile("<text>", source), Path("<text>"))
     return read_file(source)
 
 
-def read_file(source: str | Path) -> SourceFile:
-    """The source file at a path, or of a packaged model. Raises `hierc.ModelError` if it cannot be read."""
+def read_file(source: str | Path) -> ModelText:
+    """The model at a path, or a packaged one. Raises `hierc.ModelError` if it cannot be read."""
     from hierc.grammar.reading import read_source
     from hierc.grammar.source import SourceFile
 
     packaged = packaged_models().get(str(source))
     if packaged is not None and not Path(source).exists():
-        return SourceFile(packaged.name, packaged.read_text(encoding="utf-8"))
-    return read_source(source)
+        return placed(SourceFile(packaged.name, packaged.read_text(encoding="utf-8")), packaged)
+    return placed(read_source(source), Path(source))
+
+
+def placed(source: SourceFile, path: Path) -> ModelText:
+    """A model whose text stands, or would stand, at a path."""
+    return ModelText(source, Finder(source, path, _folder("hierc.models")))
 
 
 def packaged_models() -> dict[str, Path]:
@@ -108,15 +124,15 @@ def packaged_models() -> dict[str, Path]:
 
 
 def prepare(
-    source: SourceFile,
+    text: ModelText,
     experiment: str | None,
     params: Mapping[str, Value],
     *,
     cache: bool = True,
     strict_units: bool = False,
 ) -> Loaded:
-    """The runnable model of a source file; see `load`."""
-    store = _Store.open(source, experiment, strict_units) if cache else None
+    """The runnable model of a file; see `load`."""
+    store = _Store.open(text, experiment, strict_units) if cache else None
     found = store.find(params) if store else None
     if found is not None:
         with suppress(SettingError):  # a parameter that does not fit: the compiler words it
@@ -124,11 +140,12 @@ def prepare(
     from hierc.compiler.driver import compile_source
     from hierc.grammar.render import render, to_json
 
-    made = compile_source(source, experiment, params, strict_units=strict_units)
+    made = compile_source(text.source, experiment, params, strict_units=strict_units, reader=text.finder)
     warnings = tuple(Warned(render(problem), to_json(problem)) for problem in made.warnings)
     if store is not None:
-        store.keep(params, made.structural, made.text, warnings)
-    return Loaded(_with_values(run_module(made.text, source.name).MODEL, params), warnings, compiled=True)
+        store.keep(params, _Made(frozenset(made.structural), text.finder.seen), made.text, warnings)
+    model = run_module(made.text, text.source.name).MODEL
+    return Loaded(_with_values(model, params), warnings, compiled=True)
 
 
 def run_module(text: str, name: str) -> ModuleType:
@@ -161,27 +178,55 @@ class _Found:
 
 
 @dataclass(frozen=True, slots=True)
+class _Made:
+    """What distinguishes the members of a family: the values of these parameters, and the files that were seen; see `Finder.seen`."""
+
+    structural: frozenset[str]
+    seen: Seen
+
+    def member(self, params: Mapping[str, Value]) -> str:
+        """The name of the member for these parameters."""
+        chosen = sorted((name, _exactly(params[name])) for name in self.structural & set(params))
+        return _digest(json.dumps([chosen, sorted(self.seen.items())]))[:16]
+
+    def data(self) -> bytes:
+        return json.dumps({"structural": sorted(self.structural), "seen": dict(self.seen)}).encode()
+
+    @classmethod
+    def of(cls, data: bytes) -> _Made:
+        """What `data` gave. Raises ValueError, TypeError or KeyError if nothing did."""
+        fields = json.loads(data)
+        return cls(frozenset(fields["structural"]), dict(fields["seen"]))
+
+
+@dataclass(frozen=True, slots=True)
 class _Store:
     """The cached modules of one text and experiment.
 
-    `<family>.json` lists the structural parameters seen so far: their values, and no others, distinguish the members. A member is a module
-    `<family>-<member>.py` with its warnings in `<family>-<member>.json`, which is written first.
+    `<family>.json` says what distinguishes the members: it lists the structural parameters met so far, and the files that were read when it was
+    written. A member is a module `<family>-<member>.py` with its warnings in `<family>-<member>.json`, which is written first.
     """
 
     folder: Path
     family: str
 
     @classmethod
-    def open(cls, source: SourceFile, experiment: str | None, strict_units: bool) -> _Store | None:
+    def open(cls, text: ModelText, experiment: str | None, strict_units: bool) -> _Store | None:
         folder = cache_folder("models")
-        key = [__version__, _compiler_digest(), source.name, source.text, experiment, strict_units]
+        source = text.source
+        start = (
+            text.finder.start if "import" in source.text else ()
+        )  # else it matters to nothing where the file is
+        key = [__version__, _compiler_digest(), source.name, source.text, experiment, strict_units, start]
         return None if folder is None else cls(folder, _digest(json.dumps(key))[:24])
 
     def find(self, params: Mapping[str, Value]) -> _Found | None:
         """The model for these parameters; None if there is none, or if it does not load."""
         try:
-            structural = json.loads((self.folder / f"{self.family}.json").read_bytes())
-            stem = self._member(params, structural)
+            made = _Made.of((self.folder / f"{self.family}.json").read_bytes())
+            if not unchanged(made.seen):
+                return None
+            stem = f"{self.family}-{made.member(params)}"
             warnings = tuple(
                 Warned(*pair) for pair in json.loads((self.folder / f"{stem}.json").read_bytes())
             )
@@ -189,26 +234,21 @@ class _Store:
         except Exception:  # whatever is wrong with the files: they are made again
             return None
 
-    def keep(
-        self, params: Mapping[str, Value], structural: Iterable[str], text: str, warnings: tuple[Warned, ...]
-    ) -> None:
+    def keep(self, params: Mapping[str, Value], made: _Made, text: str, warnings: tuple[Warned, ...]) -> None:
         """Store a module. A cache that cannot be written is no reason to stop."""
         family = self.folder / f"{self.family}.json"
-        known = set(structural)
-        with suppress(OSError, ValueError):
-            known |= set(json.loads(family.read_bytes()))
+        with suppress(OSError, ValueError, TypeError, KeyError):
+            known = _Made.of(family.read_bytes())
+            if known.seen == made.seen:
+                made = _Made(made.structural | known.structural, made.seen)
         with suppress(OSError):
-            stem = self._member(params, known)
+            stem = f"{self.family}-{made.member(params)}"
             write_whole(
                 self.folder / f"{stem}.json", json.dumps([(w.text, w.data) for w in warnings]).encode()
             )
             write_whole(self.folder / f"{stem}.py", text.encode())
-            write_whole(family, json.dumps(sorted(known)).encode())
+            write_whole(family, made.data())
             self._forget_oldest()
-
-    def _member(self, params: Mapping[str, Value], structural: Iterable[str]) -> str:
-        chosen = sorted((name, _exactly(params[name])) for name in set(structural) & set(params))
-        return f"{self.family}-{_digest(json.dumps(chosen))[:16]}"
 
     def _forget_oldest(self) -> None:
         files = sorted(self.folder.glob("*.*"), key=lambda file: file.stat().st_mtime_ns)
