@@ -13,6 +13,8 @@ ends with a `Model`. The functions take these arguments; all arrays are of float
     values(q, p)               everything that depends on parameters alone
     start(t, u, p, x)          initial values of the states; `u` holds the inputs' initial values
 
+They may call tables and externs of the module by name, with floats, each call the whole of an assignment to a local name.
+
 The same text runs under CPython and, lowered to machine code, in the kernel.
 
 An array of agents is never expanded in the text: a `Node` is a *block* of `count` elements, which differ only in what they read and in their
@@ -225,3 +227,5 @@ class Plan:
     defaults: tuple[Defaults, ...] = ()
     order: Index | None = None
     start_order: Index | None = None
+    tables: tuple[Table, ...] = ()  # that functions call by name, without derivatives
+    externs: tuple[Extern, ...] = ()

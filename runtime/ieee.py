@@ -12,6 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from hierc.runtime.externs import Extern
+from hierc.runtime.tables import Table
+
 _NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "pow": "power"}
 _SAME = (
     "sqrt",
@@ -35,9 +38,15 @@ _MATH = types.SimpleNamespace(
 )
 
 
+def _quiet(callee: Table | Extern) -> Callable[..., np.float64]:
+    """A table or extern whose value goes on in the machine's arithmetic."""
+    return lambda *args: np.float64(callee(*args))
+
+
 def call(function: Callable[..., None], *args: Any) -> None:
     """function(…, output), its output NaN where it is not finite. Numbers and lists of numbers as arguments."""
     names = {**function.__globals__, "math": _MATH, "float": np.float64}
+    names.update({name: _quiet(f) for name, f in names.items() if isinstance(f, Table | Extern)})
     quiet = types.FunctionType(function.__code__, names)
     output = args[-1]
     given = [np.float64(a) if isinstance(a, float) else [np.float64(v) for v in a] for a in args[:-1]]

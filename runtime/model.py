@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime.contract import CONTRACT, Plan
-from hierc.runtime.errors import SettingError
+from hierc.runtime.errors import RunWarning, SettingError
 from hierc.runtime.result import Interrupted, Result, SimulationError
 from hierc.runtime.run import Engine
 from hierc.runtime.system import System, parameter_vector
@@ -136,7 +137,7 @@ class Model:
 
         What is left out is taken from the experiment, then from the defaults (rtol 1e-6, atol = rtol, method "auto"). `params` replaces
         parameters by path. Raises SettingError for settings that do not fit; SimulationError, with the partial result, if the run fails;
-        Interrupted, with the partial result too, on Ctrl-C.
+        Interrupted, with the partial result too, on Ctrl-C. Warns (RunWarning) of tables used outside their grids, and of slow externs.
         """
         given = {
             "stop": stop, "rtol": rtol, "atol": atol, "start": start, "method": method, "interval": interval,
@@ -150,6 +151,8 @@ class Model:
             chosen["atol"] = chosen["rtol"]
         system = self.system(params) if params else self._own
         finished = self.engine.run(system, chosen, self._overrides(given), most_steps, progress, announce)
+        for text in finished.warnings:
+            warnings.warn(text, RunWarning, stacklevel=2)
         shown = {k: v for k, v in chosen.items() if k != "interval" or v is not None}
         result = Result(
             finished,

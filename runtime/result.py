@@ -130,6 +130,11 @@ class Result:
         return self._run.status
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What there was to say of the run: tables used outside their grids, slow externs."""
+        return self._run.warnings
+
+    @property
     def start(self) -> float:
         """Time the run started at, s."""
         return self._run.start

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hierc.runtime import choice
 from hierc.runtime.contract import Plan
-from hierc.runtime.errors import SettingError
+from hierc.runtime.errors import ExternError, SettingError
 from hierc.runtime.layout import Layout
 from hierc.runtime.machine.forms import Wiring, wire
 from hierc.runtime.machine.program import Announce, Program, build
@@ -44,6 +44,7 @@ class FinishedRun:
     t_reached: float
     status: Status
     groups: tuple[GroupTrajectory, ...]
+    warnings: tuple[str, ...] = ()
 
     @property
     def plan(self) -> Plan:
@@ -123,12 +124,18 @@ class Engine:
             start, stop, settings.get("interval")
         )  # an impossible interval is refused before a long run
         chosen = group_settings(self.plan, self.wiring, settings, groups)
-        x = system.initial(start)
+        self._excursions()
+        try:
+            x = system.initial(start)
+        except ExternError as error:
+            return FinishedRun(system, start, stop, start, Status("EXTERN_FAILED", f"at the start {error}"), ())
         if not np.isfinite(x).all():
             return _bad_start(system, x, start, stop)
         simulation = self._begin(system, chosen, start, stop, announce)
         status = simulation.advance(progress, most_steps)
-        return FinishedRun(system, start, stop, simulation.reached, status, simulation.trajectories())
+        warnings = (*self._slow(simulation.program), *self._excursions())
+        trajectories = simulation.trajectories()
+        return FinishedRun(system, start, stop, simulation.reached, status, trajectories, warnings)
 
     def _begin(
         self,
@@ -143,12 +150,38 @@ class Engine:
         probe = Simulation(self, system, probing, start, stop, announce)
         if all(s.method != AUTO for s in chosen):
             return probe
-        probe.attempt(PROBE_ATTEMPTS * len(chosen))
-        decided = [
-            replace(s, method=choice.choose(learnt)) if s.method == AUTO else s
-            for s, learnt in zip(chosen, probe.learn(), strict=True)
-        ]
+        try:
+            probe.attempt(PROBE_ATTEMPTS * len(chosen))
+            decided = [
+                replace(s, method=choice.choose(learnt)) if s.method == AUTO else s
+                for s, learnt in zip(chosen, probe.learn(), strict=True)
+            ]
+        except ExternError:
+            return probe  # it fails there again, and says so
         return probe if decided == probing else Simulation(self, system, decided, start, stop, announce)
+
+    def _excursions(self) -> list[str]:
+        """What is to be said of tables that were used outside their grids since this was asked last."""
+        for program in self.programs.values():
+            program.links.collect()
+        found = []
+        for table in self.plan.tables:
+            if places := table.excursions(table.outside):
+                found.append(
+                    f"table `{table.name}` was used outside its grid ({', '.join(places)}): there it has the value of its edge"
+                )
+            table.outside[:] = [0] * len(table.outside)
+        return found
+
+    def _slow(self, program: Program) -> list[str]:
+        """What is to be said, once, of externs that are called back."""
+        new = [extern for extern in program.links.called_back if not extern.told]
+        for extern in new:
+            extern.told = True
+        return [
+            f"extern `{extern.name}` ({extern.target}) is called in Python, which is slow, as it cannot be compiled: {extern.translation}"
+            for extern in new
+        ]
 
 
 def group_settings(

@@ -9,6 +9,7 @@ import ctypes
 import functools
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 
 from hierc.runtime import choice, records
 from hierc.runtime.contract import Plan
-from hierc.runtime.errors import SettingError
+from hierc.runtime.errors import ExternError, SettingError
+from hierc.runtime.externs import Watch
 from hierc.runtime.layout import Memory
 from hierc.runtime.machine.dialect import RecordArray
 from hierc.runtime.machine.forms import Wiring
@@ -83,6 +85,9 @@ class Simulation:
         prototype = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
         self._advance: Callable[[int, int], float] = prototype(self.program.advance)
         self._budget = 64
+        self._watch = Watch(self._abandon)
+        #: The step under way when an extern failed: its group, where that group stood, how many segments it had.
+        self._abandoned = (0, start, 0)
 
     def _fill(self, arrays: dict[str, Floats]) -> None:
         """Put the run's own numbers in their places."""
@@ -125,26 +130,49 @@ class Simulation:
                     return status
                 if progress is not None:
                     progress(float(self.groups["t"].min()))
+        except ExternError as error:
+            t = float(self.groups["t"][int(self.run["group"][0])])
+            status = Status("EXTERN_FAILED", f"just after t = {t:.9g} s {error}")
+            self._catch_up()
+            return status
         except KeyboardInterrupt:
             return Status("INTERRUPTED", f"interrupted at {self.reached:.6g} s")
 
     def _catch_up(self) -> None:
         """Bring the other groups to where the failed one stands, so that all that can be known is kept. One that fails on the way sets the mark lower."""
         outcome = records.NOT_FINITE
-        while outcome not in (records.DONE, records.PAUSED, records.FULL):
-            mark = self.groups["t"][int(self.run["group"][0])]
-            self.groups["stop"][:] = mark
-            self.run["stop"][0], self.run["window"][0], self.run["group"][0] = mark, mark, 0
-            outcome = self._slice()
-            while outcome == records.PAUSED or (
-                outcome == records.FULL and self._grow(int(self.run["group"][0]))
-            ):
+        with suppress(ExternError):
+            while outcome not in (records.DONE, records.PAUSED, records.FULL):
+                mark = self.groups["t"][int(self.run["group"][0])]
+                self.groups["stop"][:] = mark
+                self.run["stop"][0], self.run["window"][0], self.run["group"][0] = mark, mark, 0
                 outcome = self._slice()
+                while outcome == records.PAUSED or (
+                    outcome == records.FULL and self._grow(int(self.run["group"][0]))
+                ):
+                    outcome = self._slice()
 
     def attempt(self, steps: int) -> float:
-        """Let the kernel make so many step attempts; returns its outcome. What it does depends on nothing but their number."""
+        """Let the kernel make so many step attempts; returns its outcome. What it does depends on nothing but their number.
+
+        Raises ExternError, with the step under way undone, where an extern that is called back fails.
+        """
         self.run["budget"][0] = steps
-        return self._advance(self.run.address, self.groups.address)
+        if not self.program.links.called_back:
+            return self._advance(self.run.address, self.groups.address)
+        try:
+            with self._watch.over():
+                return self._advance(self.run.address, self.groups.address)
+        except (ExternError, KeyboardInterrupt):
+            g, t, count = self._abandoned
+            self.groups["t"][g], self.groups["count"][g] = t, count
+            raise
+
+    def _abandon(self) -> None:
+        """An extern failed: the kernel is to return after the step under way."""
+        g = int(self.run["group"][0])
+        self._abandoned = (g, float(self.groups["t"][g]), int(self.groups["count"][g]))
+        self.run["budget"][0] = 0
 
     def _slice(self) -> float:
         """One call of the kernel, its budget adapted to the time calls take."""

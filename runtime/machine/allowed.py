@@ -1,9 +1,9 @@
 """What the functions of a generated module may say: checked before any of it is lowered.
 
-In: a class. Guaranteed of one that passes: its functions hold nothing but arithmetic, comparisons, choices, elementary functions of floats and the systems of
-equations of `linalg.py`; every index is a constant within its array; every name is set once on every path and before it is read; every entry of the output
-is set. So the machine code made from it touches only the memory it is given, calls only the C library's mathematics and our own, and ends. Anything else is
-refused; nothing is executed.
+In: a class. Guaranteed of one that passes: its functions hold nothing but arithmetic, comparisons, choices, elementary functions of floats, the systems of
+equations of `linalg.py`, and calls of the module's tables and externs; every index is a constant within its array; every name is set once on every path and
+before it is read; every entry of the output is set. So the machine code made from it touches only the memory it is given, calls only the C library's
+mathematics, our own and the user's externs, and ends. Anything else is refused; nothing is executed.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from collections.abc import Callable, Collection, Mapping
 from hierc.runtime import linalg
 from hierc.runtime.contract import Class
 from hierc.runtime.machine.builtins import arity
+from hierc.runtime.machine.callees import called, count_of_arguments
 from hierc.runtime.machine.types import UnsupportedCode
 from hierc.runtime.machine.unit import parse_function
 
@@ -26,6 +27,7 @@ _ORDER = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 _PYTHON = {"float": 1, "abs": 1, "max": 2, "min": 2}
 #: Names that no local may take.
 _RESERVED = {"t", "math", "linalg", *_PYTHON}
+NO_CALLEES: Mapping[str, int] = {}
 
 
 @functools.cache
@@ -45,13 +47,23 @@ def check_class(kind: Class) -> None:
 
 
 def _check(function: Callable[..., None], arrays: Readable, output: str, entries: Collection[int]) -> None:
-    check_function(parse_function(function), arrays, output, entries)
+    definition = parse_function(function)
+    found = called(definition, function.__globals__)
+    counts = {name: count_of_arguments(callee) for name, callee in found.items()}
+    check_function(definition, arrays, output, entries, counts)
 
 
 def check_function(
-    definition: ast.FunctionDef, arrays: Readable, output: str, entries: Collection[int]
+    definition: ast.FunctionDef,
+    arrays: Readable,
+    output: str,
+    entries: Collection[int],
+    callees: Mapping[str, int] = NO_CALLEES,
 ) -> None:
-    """Check one function (t, *arrays, output) that sets just these entries of its output."""
+    """Check one function (t, *arrays, output) that sets just these entries of its output.
+
+    `callees` are the tables and externs that it may call, with their numbers of arguments.
+    """
     expected = ["t", *arrays, output]
     signature = definition.args
     given = [a.arg for a in signature.args]
@@ -59,7 +71,7 @@ def check_function(
         raise UnsupportedCode(
             f"line {definition.lineno}: {definition.name} must take just ({', '.join(expected)})"
         )
-    known = _Checker(arrays, output, entries).block(definition.body, frozenset())
+    known = _Checker(arrays, output, entries, callees).block(definition.body, frozenset())
     if missing := [k for k in entries if f"{output}[{k}]" not in known]:
         raise UnsupportedCode(
             f"line {definition.lineno}: {definition.name} never sets {output}[{missing[0]}]"
@@ -69,9 +81,11 @@ def check_function(
 class _Checker:
     """Walks one function. `known` is what is set: names, and entries of the output as `dx[0]`."""
 
-    def __init__(self, arrays: Readable, output: str, entries: Collection[int]) -> None:
-        self.arrays, self.output, self.entries = arrays, output, entries
-        self.reserved = {*_RESERVED, *arrays, output}
+    def __init__(
+        self, arrays: Readable, output: str, entries: Collection[int], callees: Mapping[str, int]
+    ) -> None:
+        self.arrays, self.output, self.entries, self.callees = arrays, output, entries, callees
+        self.reserved = {*_RESERVED, *arrays, output, *callees}
         self.factors: dict[str, int] = {}  # names of factors, with the size of their matrix
 
     def block(self, body: list[ast.stmt], known: frozenset[str]) -> frozenset[str]:
@@ -181,11 +195,20 @@ class _Checker:
                 _linalg(function) == "determinant"
             ):
                 self.factors_of(factors, _size(size), known)
-            case ast.Call(func=function, args=args, keywords=[]) if len(args) == _arguments(function):
+            case ast.Call(func=function, args=args, keywords=[]) if len(args) == self.arguments(function):
                 for argument in args:
                     self.number(argument, known)
             case _:
                 raise _refused(node)
+
+    def arguments(self, function: ast.expr) -> int | None:
+        """How many arguments a function takes that may be called."""
+        match function:
+            case ast.Attribute(value=ast.Name(id="math"), attr=name):
+                return arity(name)
+            case ast.Name(id=name):
+                return self.callees.get(name, _PYTHON.get(name))
+        return None
 
     def condition(self, node: ast.expr, known: frozenset[str]) -> None:
         """Check an expression that is true or false."""
@@ -200,16 +223,6 @@ class _Checker:
                 self.condition(operand, known)
             case _:
                 raise _refused(node, "not a condition")
-
-
-def _arguments(function: ast.expr) -> int | None:
-    """How many arguments a function takes that may be called."""
-    match function:
-        case ast.Attribute(value=ast.Name(id="math"), attr=name):
-            return arity(name)
-        case ast.Name(id=name):
-            return _PYTHON.get(name)
-    return None
 
 
 def _linalg(function: ast.expr) -> str | None:

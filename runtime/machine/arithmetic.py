@@ -156,9 +156,10 @@ class Arithmetic:
 
     def extract(self, a: Value, lane: int) -> Value:
         """One lane as a scalar."""
-        if isinstance(a.type, Float) and a.type.lanes == 1:
+        if isinstance(a.type, Float | Bool) and a.type.lanes == 1:
             return a
-        return Value(self.builder.extract_element(a.ir, ir.Constant(ir.IntType(32), lane)), Float())
+        kind = Bool() if isinstance(a.type, Bool) else Float()
+        return Value(self.builder.extract_element(a.ir, ir.Constant(ir.IntType(32), lane)), kind)
 
     def gather_lanes(self, scalars: list[Value]) -> Value:
         """Scalars as lanes of one vector."""

@@ -29,6 +29,7 @@ from hierc.runtime.machine.types import (
     LaneConstant,
     LaneTable,
     Operand,
+    PerLane,
     Pointer,
     RecordRef,
     Type,
@@ -83,6 +84,7 @@ class Lowering:
         self.locals = Locals(self.builder, self.math)
         self.constants: dict[str, int | float] = {}
         self.loops: list[tuple[ir.Block, ir.Block]] = []  # (continue, break) targets
+        self.live: Value | None = None  # the lanes whose side of a branch is being lowered; None: all
         for argument, (name, kind) in zip(function.args, arguments.items(), strict=True):
             self.locals.store(name, Value(argument, kind))
 
@@ -181,12 +183,17 @@ class Lowering:
         """Both sides of a branch that differs from lane to lane, then lane by lane the chosen one."""
         targets = {ast.unparse(t): t for t in _targets(body) + _targets(orelse)}
         old = {key: self._current(t) for key, t in targets.items()}
+        outer = self.live
+        self.live = mask if outer is None else self.math.both(outer, mask)
         self.block(body)
         then = {key: self._current(t) for key, t in targets.items()}
         for key, target in targets.items():
             if (before := old[key]) is not None:
                 self.assign(target, before)
+        other = self.math.invert(mask)
+        self.live = other if outer is None else self.math.both(outer, other)
         self.block(orelse)
+        self.live = outer
         for key, target in targets.items():
             a, b = then[key], self._current(target)
             if a is not None and b is not None and not isinstance(a.type, Pointer):
@@ -428,6 +435,8 @@ class Lowering:
                 known = self.names.get(name)
                 if builtins.is_builtin(known) or (known is None and name in builtins.PYTHON):
                     return builtins.call(self, name, [self.expression(a) for a in node.args], node)
+                if isinstance(known, PerLane):
+                    return self.call_per_lane(known, [self.math.value(self.expression(a)) for a in node.args])
                 if isinstance(known, Emitted):
                     return self.call_emitted(known, [self.expression(a) for a in node.args])
                 if not callable(known):
@@ -452,6 +461,39 @@ class Lowering:
                 raise _refused(function)
             results.append(result)
         return self.math.gather_lanes(results)
+
+    def call_per_lane(self, function: PerLane, args: list[Value]) -> Value:
+        """A function of scalars for each live lane; others get zero, which nobody sees."""
+        live = self.live
+        lanes = self.lanes_of([self.math.convert(a, Float()) if isinstance(a.type, Int) else a for a in args])
+        if live is not None and isinstance(live.type, Bool):
+            lanes = max(lanes, live.type.lanes)
+        wide = [self.math.convert(a, Float(lanes)) for a in args]
+        results = []
+        for k in range(lanes):
+            scalars = [self.math.extract(a, k) for a in wide]
+            if live is None:
+                result = self.call_emitted(function.callee, scalars)
+                assert result is not None
+            else:
+                result = self.call_if(self.math.extract(live, k), function.callee, scalars)
+            results.append(result)
+        return self.math.gather_lanes(results)
+
+    def call_if(self, condition: Value, callee: Emitted, args: list[Value]) -> Value:
+        """A call that is made only if a condition holds; zero otherwise."""
+        call, after = (self.function.append_basic_block(n) for n in ("call", "after"))
+        before = self.builder.block
+        self.builder.cbranch(condition.ir, call, after)
+        self.builder.position_at_end(call)
+        value = self.call_emitted(callee, args)
+        assert value is not None
+        self.builder.branch(after)
+        self.builder.position_at_end(after)
+        phi = self.builder.phi(llvm_type(value.type))
+        phi.add_incoming(value.ir, call)
+        phi.add_incoming(ir.Constant(llvm_type(value.type), 0.0), before)
+        return Value(phi, value.type)
 
     @staticmethod
     def lanes_of(values: list[Value]) -> int:

@@ -19,6 +19,7 @@ from typing import Any
 from hierc.runtime.contract import Class
 from hierc.runtime.files import cache_folder, write_whole
 from hierc.runtime.kernel import advance
+from hierc.runtime.machine import callees
 from hierc.runtime.machine.allowed import check_class
 from hierc.runtime.machine.compose import Composer, Form
 from hierc.runtime.machine.unit import Loaded, Unit, compile_object, machine_key, parse_function
@@ -50,6 +51,7 @@ class Program:
     steps: dict[str, int]  # by method
     pieces: dict[tuple[Form, str], Pieces]
     code: Loaded
+    links: callees.Links
 
 
 def build(
@@ -70,6 +72,9 @@ def build(
         labels[form, name] = (label, made[0])
         objects.append(made)
     code = Loaded([o for _, o in objects])
+    links = callees.Links(code)
+    for (form, _), (label, _) in labels.items():
+        links.add(label, _callees(classes, form))
     pieces = {
         (form, name): Pieces(
             {p.__name__: code.address(f"{label}_{p.__name__}") for p in METHODS[name].pieces},
@@ -78,7 +83,7 @@ def build(
         for (form, name), (label, facts) in labels.items()
     }
     steps = {name: code.address(f"step_{name}") for name in METHODS}
-    return Program(code.address("advance"), code.address("sample"), steps, pieces, code)
+    return Program(code.address("advance"), code.address("sample"), steps, pieces, code, links)
 
 
 def _kernel() -> tuple[dict[str, Any], Unit]:
@@ -96,12 +101,27 @@ def _form(label: str, classes: tuple[Class, ...], form: Form, method: Method) ->
     for kind in {call.kind for call in form.calls + form.publishing}:
         check_class(classes[kind])
     unit = Unit(label)
+    unit.callees.update(callees.emit(unit, label, _callees(classes, form)))
     composer = Composer(unit, label, form, classes, parse_function, method.lanes)
     made = method.names(composer)
     for piece in method.pieces:
         unit.lower(piece, lanes=method.lanes, constants=made.names, export=f"{label}_{piece.__name__}")
     facts = {"work": made.work, "linear": made.linear, "updates": made.updates, "entries": made.entries}
     return facts, unit
+
+
+def _callees(classes: tuple[Class, ...], form: Form) -> dict[str, callees.Callee]:
+    """The tables and externs that the functions of a form call. Classes are of one module, so their names are those of one thing."""
+    found: dict[str, callees.Callee] = {}
+    for kind in sorted({call.kind for call in form.calls + form.publishing}):
+        for function in _functions(classes[kind]):
+            found.update(callees.called(parse_function(function), function.__globals__))
+    return found
+
+
+def _functions(kind: Class) -> list[Callable[..., None]]:
+    """The functions of a class that become machine code."""
+    return [kind.rhs, *(p.function for p in kind.parts), kind.jac]
 
 
 def _cached(
@@ -142,10 +162,11 @@ def _description(classes: tuple[Class, ...], form: Form, method: str) -> str:
     texts = []
     for k in used:
         kind = classes[k]
-        functions = [kind.rhs, *(p.function for p in kind.parts), kind.jac]
         sizes = (len(kind.states), kind.inputs, kind.values, kind.outs)
         texts.append(repr((k, sizes, kind.pattern, [(p.outs, p.inputs) for p in kind.parts])))
-        texts += [_text(f) for f in functions]
+        texts += [_text(f) for f in _functions(kind)]
+    for name, callee in _callees(classes, form).items():
+        texts.append(f"{name}: {callees.description(callee)}")
     return "\n".join([_runtime_digest(), method, repr(form), *texts])
 
 

@@ -72,9 +72,11 @@ def depends(function: ast.FunctionDef, output: str, fixed: Fixed) -> set[int]:
 
 
 def switches(function: ast.FunctionDef) -> bool:
-    """Whether a function has branches or steps: its derivatives then do not tell how it moves."""
+    """Whether a function has branches or steps, or may have them in what it calls: its derivatives then do not tell how it moves."""
     return any(
-        isinstance(node, ast.If | ast.IfExp) or (isinstance(node, ast.Attribute) and node.attr in _STEPS)
+        isinstance(node, ast.If | ast.IfExp)
+        or (isinstance(node, ast.Attribute) and node.attr in _STEPS)
+        or (isinstance(node, ast.Call) and isinstance(node.func, ast.Name))
         for node in ast.walk(function)
     )
 

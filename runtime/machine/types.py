@@ -71,6 +71,13 @@ class Emitted(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
+class PerLane:
+    """A function of scalars that dialect text may call by name; over lanes it is called for each lane that is live, and for no other."""
+
+    callee: Emitted
+
+
+@dataclass(frozen=True, slots=True)
 class LaneConstant:
     """A constant for each lane, under a name of dialect text."""
 

@@ -19,7 +19,17 @@ from llvmlite import ir
 
 from hierc.runtime.machine import builtins
 from hierc.runtime.machine.lower import Lowering
-from hierc.runtime.machine.types import Emitted, Type, UnsupportedCode, from_annotation, llvm_type
+from hierc.runtime.machine.translate import Translation
+from hierc.runtime.machine.types import (
+    DOUBLE,
+    Emitted,
+    Float,
+    PerLane,
+    Type,
+    UnsupportedCode,
+    from_annotation,
+    llvm_type,
+)
 
 Names = Mapping[str, Any]
 NO_NAMES: Names = {}
@@ -32,6 +42,8 @@ class Unit:
         self.module = ir.Module(name)
         self.module.triple = llvm.get_process_triple()
         self.made: dict[Any, tuple[ir.Function, tuple[Type, ...], Type | None]] = {}
+        #: What functions of a generated module may call by name, beside `math`.
+        self.callees: dict[str, PerLane] = {}
         self._held: list[
             Names
         ] = []  # functions are known by the identity of their constants, which must therefore live
@@ -82,7 +94,7 @@ class Unit:
     def model_function(
         self, definition: ast.FunctionDef, types: Mapping[str, Type], lanes: int
     ) -> ir.Function:
-        """Lower one function of a generated module, inlined wherever it is used: no contraction, no other names than `math`."""
+        """Lower one function of a generated module, inlined wherever it is used: no contraction, no other names than `math` and `callees`."""
         name = self.module.get_unique_name(definition.name)
         made = ir.Function(
             self.module, ir.FunctionType(ir.VoidType(), [llvm_type(k) for k in types.values()]), name
@@ -93,8 +105,23 @@ class Unit:
         def resolve(callee: Callable[..., Any]) -> tuple[ir.Function, tuple[Type, ...], Type | None]:
             return self._dialect(callee, lanes, NO_NAMES)
 
-        Lowering(made, types, None, {}, lanes, resolve, contract=False).run(definition.body)
+        Lowering(made, types, None, self.callees, lanes, resolve, contract=False).run(definition.body)
         return made
+
+    def translated(self, translation: Translation) -> Emitted:
+        """A user's function over scalars, inlined where it is called, rounding as CPython does."""
+        names = {name: self.translated(callee) for name, callee in translation.callees.items()}
+        kinds = dict.fromkeys(translation.arguments, Float())
+        name = self.module.get_unique_name(f"extern_{translation.definition.name}")
+        made = ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE] * len(kinds)), name)
+        made.linkage = "internal"
+        _mark(made, inline=True, pure=False)
+
+        def resolve(callee: Callable[..., Any]) -> tuple[ir.Function, tuple[Type, ...], Type | None]:
+            raise UnsupportedCode(f"{callee!r} is not called from here")
+
+        Lowering(made, kinds, Float(), names, 1, resolve, contract=False).run(translation.definition.body)
+        return Emitted(made, tuple(kinds.values()), Float())
 
     def text(self) -> str:
         """The module as LLVM text."""
@@ -184,6 +211,13 @@ class Loaded:
         for code in objects:
             self.engine.add_object_file(llvm.object_file.ObjectFileRef.from_data(code))
         self.engine.finalize_object()
+
+    def variable(self, name: str) -> int:
+        """Address of a variable that an object exports."""
+        found = int(self.engine.get_global_value_address(name))
+        if not found:
+            raise KeyError(name)
+        return found
 
     def address(self, name: str) -> int:
         """Address of an exported function."""
