@@ -85,6 +85,7 @@ class CyclicGroups(Problem):
     )
     groups: tuple[str, ...]
     reads: tuple[tuple[str, Span], ...]  # what each group reads of the next, and where
+    several: str | None  # one of the groups that has several agents
 
     def title(self) -> str:
         names = [f"`{name}`" for name in self.groups]
@@ -99,7 +100,13 @@ class CyclicGroups(Problem):
         )
 
     def help(self) -> tuple[str, ...]:
-        return ("put them into one group, or read one direction only inside a `sample` block",)
+        one_group = "put them into one group, or read one direction only inside a `sample` block"
+        if self.several is None:
+            return (one_group,)
+        return (
+            one_group,
+            f"or take agents out of `{self.several}` into a group of their own: `group g = …;`",
+        )
 
 
 @dataclass(frozen=True)

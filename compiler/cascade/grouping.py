@@ -63,7 +63,7 @@ def make_groups(
             other = names[read.source]
             if name is not None and other is not None and other != name:
                 edges[index[name]].setdefault(index[other], read.span)
-    _check_acyclic(groups, edges, problems)
+    _check_acyclic(groups, edges, names, problems)
     problems.stop_on_errors()
     sorted_groups = order([list(e) for e in edges], lambda g: names.index(groups[g]))
     rank: dict[str | None, int] = {groups[g]: place for place, g in enumerate(sorted_groups)}
@@ -191,16 +191,21 @@ class _Assignment:
         self._problems.add(NoSuchMember(pattern.span, pattern=pattern.span.text, reason=reason))
 
 
-def _check_acyclic(groups: Sequence[str], edges: Sequence[dict[int, Span]], problems: Collector) -> None:
+def _check_acyclic(
+    groups: Sequence[str],
+    edges: Sequence[dict[int, Span]],
+    names: Sequence[str | None],
+    problems: Collector,
+) -> None:
     """Report a shortest closed path for each set of groups that depend on each other."""
     for part in components([list(e) for e in edges]):
         if len(part) > 1:
             path = _shortest(part, edges)
             reads = [edges[a][b] for a, b in zip(path, [*path[1:], path[0]], strict=True)]
-            names = tuple(groups[g] for g in path)
-            problems.add(
-                CyclicGroups(reads[0], groups=names, reads=tuple((span.text, span) for span in reads))
-            )
+            closed = tuple(groups[g] for g in path)
+            shown = tuple((span.text, span) for span in reads)
+            several = next((name for name in closed if names.count(name) > 1), None)
+            problems.add(CyclicGroups(reads[0], groups=closed, reads=shown, several=several))
 
 
 def _shortest(part: Sequence[int], edges: Sequence[dict[int, Span]]) -> list[int]:
