@@ -79,8 +79,9 @@ class Node:
 class Parameter:
     """A parameter of a block of agents, by its path (`cart.kv`, `car[].tau`).
 
-    Its scalars stand from `first` on in the parameter vector: element by element, each row by row. `values` may use entries before it, and of its own
-    element earlier parameters.
+    Its scalars stand from `first` on in the parameter vector: element by element, each row by row. `values` are one for each scalar of an element. They
+    use entries before it, and in a block earlier parameters of the same element: those that differ from element to element as expression.Gather of kind
+    "parameter", a column of entries; those of single agents as expression.Parameter.
     """
 
     path: str

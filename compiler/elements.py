@@ -1,0 +1,79 @@
+"""Elements of blocks: which block an element number belongs to, and how several of them are called.
+
+Nothing here takes Python work for each element: columns are looked at as a whole.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+
+import numpy as np
+
+from hierc.compiler.columns import Column, Index, Integers, expanded
+from hierc.compiler.model import Node, Source
+
+#: Ranges of indices that a name lists before it abbreviates.
+_RANGES = 4
+
+
+class Elements:
+    """The elements of all blocks of a model, by number."""
+
+    def __init__(self, nodes: Sequence[Node]) -> None:
+        self._firsts = [node.first for node in nodes]
+        self._first_column = np.array(self._firsts, np.int64)
+        self.count = nodes[-1].first + nodes[-1].count if nodes else 0
+
+    def block(self, number: int) -> int:
+        """The block of an element."""
+        return bisect_right(self._firsts, number) - 1
+
+    def blocks(self, numbers: Integers) -> Integers:
+        """The block of each element."""
+        return np.searchsorted(self._first_column, numbers, side="right") - 1
+
+    def touched(self, source: Source, count: int) -> list[tuple[int, int]]:
+        """The blocks that a source of `count` elements lies in, each with the indices it has there; every pair once."""
+        if isinstance(source.node, int):
+            block = self.block(source.node)
+            if isinstance(source.index, int):
+                return [(block, source.index)]
+            return [(block, index) for index in np.unique(source.index.values).tolist()]
+        blocks = self.blocks(source.node.values)
+        if isinstance(source.index, int):
+            return [(block, source.index) for block in np.unique(blocks).tolist()]
+        pairs = np.unique(np.stack([blocks, expanded(source.index, count)]), axis=1)
+        return [(block, index) for block, index in pairs.T.tolist()]
+
+
+# ---- names ----------------------------------------------------------------------------------
+
+
+def spelled(path: str, indices: Sequence[Index]) -> str:
+    """What a reader calls elements: `car[].engine` with the indices 2, 3, 4 is `car[2..4].engine`."""
+    pieces = path.split("[]")
+    columns = [
+        np.unique(i.values) if isinstance(i, Column) else np.array([i], np.int64)
+        for i in indices[: len(pieces) - 1]
+    ]
+    text = pieces[0] + "".join(
+        f"[{ranges(column)}]{rest}" for column, rest in zip(columns, pieces[1:], strict=False)
+    )
+    count = max((len(i) for i in indices if isinstance(i, Column)), default=1)
+    most = int(np.prod([len(column) for column in columns])) if columns else 1
+    return text if count >= most else f"{text} ({count} of {most})"
+
+
+def ranges(values: Integers) -> str:
+    """Ascending integers as ranges: `1, 4..6`."""
+    ends = np.flatnonzero(np.diff(values) != 1)
+    firsts, lasts = [0, *(ends + 1)], [*ends, len(values) - 1]
+    if len(firsts) <= _RANGES:
+        return ", ".join(_range(values, a, b) for a, b in zip(firsts, lasts, strict=True))
+    shown = [_range(values, a, b) for a, b in zip(firsts[: _RANGES - 2], lasts, strict=False)]
+    return ", ".join([*shown, "...", _range(values, firsts[-1], lasts[-1])])
+
+
+def _range(values: Integers, first: int, last: int) -> str:
+    return str(values[first]) if first == last else f"{values[first]}..{values[last]}"
