@@ -31,6 +31,7 @@ class Member:
 
     path: str
     template: str  # the agent's name, or `Agent.level`
+    levels: tuple[str, ...]  # around it, from the outside
     group: str | None  # None: it has no states, and whoever reads it computes it
     block: int
     states: tuple[str, ...]
@@ -47,6 +48,14 @@ class Diagram:
     groups: tuple[str, ...]  # in cascade order
     members: tuple[Member, ...]
 
+    def divided(self) -> frozenset[str]:
+        """The levels that hold several groups; the others are a group, or a part of one."""
+        held: dict[str, set[str]] = {}
+        for member in self.members:
+            for level in member.levels:
+                held.setdefault(level, set()).update((member.group,) if member.group else ())
+        return frozenset(level for level, groups in held.items() if len(groups) > 1)
+
 
 def diagram(model: Model) -> Diagram:
     """The diagram of a model."""
@@ -60,6 +69,7 @@ def diagram(model: Model) -> Diagram:
         Member(
             path=model.nodes[node].path or model.name,
             template=model.nodes[node].template,
+            levels=model.nodes[node].levels,
             group=group_of.get(node),
             block=block_of[node],
             states=tuple(state.name for state in model.nodes[node].states),

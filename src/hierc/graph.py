@@ -10,10 +10,13 @@ import json
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, takewhile
 
 from hierc.compiler.diagram import Diagram, Member
 from hierc.grammar.render import visible
+
+#: What is drawn around a box, from the outside: (`level` or `group`, its name).
+Clusters = tuple[tuple[str, str], ...]
 
 #: Columns of text that are kept for what is read, however wide the matrix is.
 _LEAST = 24
@@ -65,12 +68,27 @@ def to_text(diagram: Diagram, marks: Marks = UNICODE, width: int = 100) -> str:
     rule = marks.rule * max(len(line) for lines in table for line in lines)
     lines = [_title(diagram), "", *table[0], rule]
     several = len(diagram.members) > len({member.block for member in diagram.members})
-    for member, previous, row in zip(diagram.members, (None, *diagram.members), table[1:], strict=False):
-        if several and previous is not None and previous.block != member.block:
+    levels = _levels(diagram)
+    for i, (member, row) in enumerate(zip(diagram.members, table[1:], strict=True)):
+        if several and i > 0 and diagram.members[i - 1].block != member.block:
             lines.append(rule)
+        lines += _heads(levels[i], levels[i - 1] if i > 0 else (), widths[0] + 2)
         lines += row
     lines += ["", *_legend(diagram, marks, shown=shown)]
     return "\n".join(lines) + "\n"
+
+
+def _levels(diagram: Diagram) -> list[tuple[str, ...]]:
+    """For each member the levels around it that hold several groups, from the outside."""
+    divided = diagram.divided()
+    return [tuple(level for level in member.levels if level in divided) for member in diagram.members]
+
+
+def _heads(levels: Sequence[str], before: Sequence[str], margin: int) -> Iterator[str]:
+    """A line for each of `levels` that was not around the member before."""
+    common = len(list(takewhile(lambda pair: pair[0] == pair[1], zip(levels, before, strict=False))))
+    for depth, level in enumerate(levels[common:], start=common):
+        yield " " * (margin + 2 * depth) + level
 
 
 def _title(diagram: Diagram) -> str:
@@ -88,8 +106,10 @@ def _columns(diagram: Diagram, marks: Marks) -> list[list[str]]:
     """The columns before the last: number, group, member, states, matrix. The first entry of each is its head."""
     members = diagram.members
     groups = [
-        "" if i and members[i - 1].group == member.group and member.group else member.group or "-"
-        for i, member in enumerate(members)
+        ""
+        if i and members[i - 1].group == member.group and member.group
+        else "  " * len(levels) + (member.group or "-")
+        for i, (member, levels) in enumerate(zip(members, _levels(diagram), strict=True))
     ]
     size = len(str(len(members)))
     head = " ".join(str(i).rjust(size) for i in range(1, len(members) + 1))
@@ -161,6 +181,7 @@ def to_json(diagram: Diagram) -> str:
             {
                 "path": member.path,
                 "agent": member.template,
+                "levels": list(member.levels),
                 "group": member.group,
                 "states": list(member.states),
                 "reads": [
@@ -175,26 +196,34 @@ def to_json(diagram: Diagram) -> str:
 
 
 def to_dot(diagram: Diagram) -> str:
-    """The diagram for Graphviz: a cluster for each group, an arrow from each member to those that read it."""
+    """The diagram for Graphviz: a cluster for each group, and for each level that holds several; arrows lead from members to those that read them."""
     lines = [f"digraph {_quoted(diagram.model)} {{", "  rankdir=LR;", "  node [shape=box];"]
-    for group, members in groupby(enumerate(diagram.members), key=lambda item: item[1].group):
-        boxes = [
-            f"n{i} [label={_quoted(_label(m))}{'' if m.states else ', style=dashed'}];" for i, m in members
-        ]
-        if group is None:
-            lines += [f"  {box}" for box in boxes]
-        else:
-            name = _quoted(f"cluster {group}")
-            lines += [
-                f"  subgraph {name} {{",
-                f"    label={_quoted(group)};",
-                *(f"    {b}" for b in boxes),
-                "  }",
-            ]
+    clusters = [
+        (*(("level", level) for level in levels), *((("group", m.group),) if m.group else ()))
+        for m, levels in zip(diagram.members, _levels(diagram), strict=True)
+    ]
+    boxes = [
+        f"n{i} [label={_quoted(_label(m))}{'' if m.states else ', style=dashed'}];"
+        for i, m in enumerate(diagram.members)
+    ]
+    lines += (f"  {line}" for line in _clustered(list(zip(clusters, boxes, strict=True))))
     for i, member in enumerate(diagram.members):
         for reading in member.reads:
             lines.append(f"  n{reading.owner} -> n{i} [label={_quoted(', '.join(reading.names))}];")
     return "\n".join([*lines, "}"]) + "\n"
+
+
+def _clustered(items: Sequence[tuple[Clusters, str]]) -> Iterator[str]:
+    """Boxes in their clusters, which may be nested. Graphviz takes clusters of one name for one."""
+    for cluster, run in groupby(items, key=lambda item: item[0][0] if item[0] else None):
+        if cluster is None:
+            yield from (box for _, box in run)
+            continue
+        kind, name = cluster
+        yield f"subgraph {_quoted(f'cluster {kind} {name}')} {{"
+        yield f"  label={_quoted(name)};"
+        yield from (f"  {line}" for line in _clustered([(inner[1:], box) for inner, box in run]))
+        yield "}"
 
 
 def _quoted(text: str) -> str:

@@ -44,6 +44,7 @@ def draw(diagram: Diagram, path: Path | None) -> Figure:
     axes.set_ylim(size + 0.02, -0.02)
     axes.set_aspect("auto" if named else "equal")
     _draw_blocks(axes, diagram)
+    _draw_levels(axes, diagram)
     if named:
         _draw_names(axes, diagram)
     else:
@@ -71,6 +72,21 @@ def _draw_blocks(axes: Axes, diagram: Diagram) -> None:
         square = Rectangle((first, first), count, count, facecolor=tint, edgecolor=_INK, linewidth=0.8)
         axes.add_patch(square)
         first += count
+
+
+def _draw_levels(axes: Axes, diagram: Diagram) -> None:
+    """A thick outline around each level that holds several groups, where its members follow each other."""
+    from matplotlib.patches import Rectangle
+
+    for level in diagram.divided():
+        inside = enumerate(level in member.levels for member in diagram.members)
+        for within, run in groupby(inside, key=lambda item: item[1]):
+            places = [place for place, _ in run]
+            if within:
+                corner, size = (places[0], places[0]), len(places)
+                axes.add_patch(
+                    Rectangle(corner, size, size, fill=False, edgecolor=_INK, linewidth=1.8, zorder=3)
+                )
 
 
 def _draw_names(axes: Axes, diagram: Diagram) -> None:
