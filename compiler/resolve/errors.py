@@ -285,10 +285,13 @@ class ModelTooLarge(Problem):
 
 
 @dataclass(frozen=True)
-class UnusedLet(Problem):
+class Unused(Problem):
     code = "W511"
     severity: ClassVar[Literal["error", "warning"]] = "warning"
-    explanation = "A `let` that nothing uses has no effect; it is often a misspelt name elsewhere."
+    explanation = (
+        "A `let` or a private variable that nothing in its agent uses has no effect; often a name is misspelt elsewhere. A private variable that is "
+        "there for the results alone is recorded by an experiment."
+    )
     name: str
 
     def title(self) -> str:

@@ -7,7 +7,7 @@ chosen to run. For the linked library there are `Names`: the orders in which con
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 
 from hierc.compiler.collector import Collector
@@ -18,7 +18,7 @@ from hierc.compiler.resolve.errors import (
     NoSuchRead,
     UnknownAgent,
     UnknownParameter,
-    UnusedLet,
+    Unused,
 )  # fmt: skip
 from hierc.compiler.resolve.ordering import (
     check_calls_end,
@@ -58,15 +58,30 @@ def check_names(library: Library, scope: Library, problems: Collector) -> None:
         names.check_shadowing(const.name, file_level=True)
     for func in library.funcs.values():
         _check_function(scope, func, problems)
+    recorded = frozenset(_recorded(library))
     for agent in library.agents.values():
         used = _AgentChecker(scope, agent, parameter_lets(agent, scope.consts), problems).check()
         order_of_lets(agent, problems)
         order_of_consts(agent.consts, problems)
-        for name, let in agent.lets.items():
-            if name not in used:
-                problems.add(UnusedLet(let.let.name.span, name=name))
+        _warn_of_unused(agent, used | recorded, problems)
     for experiment in library.experiments.values():
         _check_experiment(scope, experiment, problems)
+
+
+def _warn_of_unused(agent: Agent, used: Set[str], problems: Collector) -> None:
+    """A warning for each `let` and each private variable that nothing uses."""
+    private = (v for v in agent.variables.values() if v.decl.access == "private")
+    for name in (*(let.let.name for let in agent.lets.values()), *(v.declarator.name for v in private)):
+        if name.text not in used:
+            problems.add(Unused(name.span, name=name.text))
+
+
+def _recorded(library: Library) -> Iterator[str]:
+    """The names of variables, of whatever agent, that experiments record."""
+    for experiment in library.experiments.values():
+        for item in experiment.items:
+            if isinstance(item, tree.Record):
+                yield from (pattern.path.steps[-1].name.text for pattern in item.patterns)
 
 
 def names_of(library: Library, problems: Collector) -> Names:
