@@ -18,6 +18,8 @@ Operator = Literal[
     "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh",
     "abs", "sign", "floor", "ceil", "round", "mod", "quotient", "min", "max",
     "lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not",
+    "det",  # of a square matrix, row by row
+    "solve",  # one unknown of a system: its number (a literal, from 0), the matrix row by row, the right-hand side
 ]  # fmt: skip
 
 

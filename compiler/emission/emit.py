@@ -26,7 +26,7 @@ from hierc.compiler.emission.target import (
     show,
 )
 from hierc.compiler.symbolic.derive import Form
-from hierc.compiler.symbolic.graph import Value
+from hierc.compiler.symbolic.graph import SYSTEMS, Value
 from hierc.compiler.symbolic.schedule import Program
 
 #: The version of `hierc.runtime.contract` that modules are made for.
@@ -49,6 +49,11 @@ def emit(plan: Plan) -> str:
         Blank(),
         Import("math"),
         Blank(),
+        *(
+            [Import("hierc.runtime", ("linalg",))]
+            if any(v.op in SYSTEMS for v in plan.symbolic.values)
+            else []
+        ),
         Import("hierc.runtime.contract", CONSTRUCTORS),
         Import("hierc.runtime.model", ("Model",)),
     ]

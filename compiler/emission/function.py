@@ -19,8 +19,10 @@ from hierc.compiler.emission.target import (
     Item,
     Name,
     Operator,
+    Slice,
     Statement,
     Target,
+    Tuple,
     Unary,
 )
 from hierc.compiler.symbolic.graph import BOOLEAN, Value
@@ -76,6 +78,8 @@ class FunctionBody:
         self._inline: dict[int, tuple[Target, int]] = {}  # expression and its operations
         self._uses: Counter[int] = Counter()
         self._loaded: dict[int, str] = {}
+        self._elements: dict[tuple[int, int], int] = {}  # of systems: the value of each unknown that is used
+        self._unknowns: dict[int, tuple[Name, ...]] = {}
 
     def statements(self, program: Program) -> tuple[Statement, ...]:
         """The function's body; empty if it stores nothing."""
@@ -88,7 +92,7 @@ class FunctionBody:
         loads = [self._load(v) for _, _, v in entries]
         body = self._block(program.block)
         stores = [
-            Assign(Item(self._output, entry), self._expression(value), self._comments.get(entry, ""))
+            Assign(self._entry(entry, value), self._expression(value), self._comments.get(entry, ""))
             for entry, value in program.stores
         ]
         return (*loads, *body, *stores)
@@ -99,6 +103,9 @@ class FunctionBody:
         for step in block.steps:
             if isinstance(step, Compute):
                 self._uses.update(self._operands(step.value))
+                v = self._values[step.value]
+                if v.op == "element":
+                    self._elements[v.args[0], v.index] = step.value
             else:
                 self._uses[step.condition] += 1
                 self._count(step.then)
@@ -116,6 +123,11 @@ class FunctionBody:
             case "mod" | "round":
                 return v.args * 2
         return v.args
+
+    def _entry(self, first: int, value: int) -> Item | Slice:
+        """Where a value is stored."""
+        count = self._values[value].entries
+        return Item(self._output, first) if count == 1 else Slice(self._output, first, first + count)
 
     def _is_entry(self, value: int) -> bool:
         return self._values[value].op in _ARRAYS
@@ -155,6 +167,17 @@ class FunctionBody:
 
     def _compute(self, value: int, out: list[Statement]) -> None:
         v = self._values[value]
+        match v.op:
+            case "factor":
+                entries = (Constant(v.size), *map(self._expression, v.args))
+                out.append(Assign(Name(self._name(value)), Call("linalg.factor", entries)))
+                return
+            case "solve":
+                self._system(value, out)
+                return
+            case "element":
+                self._named[value] = self._unknowns[v.args[0]][v.index].id
+                return
         size = 1 + sum(self._inline[a][1] for a in v.args if a in self._inline)
         expression = self._operation(value, out)
         if self._uses[value] == 1 and size <= LARGEST and value not in self._names:
@@ -163,6 +186,15 @@ class FunctionBody:
         if v.op in BOOLEAN:
             expression = Conditional(expression, Constant(1.0), Constant(0.0))
         out.append(Assign(Name(self._name(value)), expression, self._names.get(value, "")))
+
+    def _system(self, value: int, out: list[Statement]) -> None:
+        """All unknowns of a system; they get their names here."""
+        v = self._values[value]
+        names = tuple(Name(self._fresh()) for _ in range(v.size))
+        self._unknowns[value] = names
+        said = [self._names.get(self._elements.get((value, k), -1), "") for k in range(v.size)]
+        given = (Constant(v.size), *map(self._expression, v.args))
+        out.append(Assign(Tuple(names), Call("linalg.substitute", given), ", ".join(filter(None, said))))
 
     def _name(self, value: int) -> str:
         """A name for a value in this scope."""
@@ -191,6 +223,8 @@ class FunctionBody:
                 return Constant(v.number)
             case "time":
                 return Name("t")
+            case "factors":
+                return Slice("p", v.index, v.index + v.entries)
             case _ if value in self._loaded:
                 return Name(self._loaded[value])
             case _:
@@ -220,6 +254,8 @@ class FunctionBody:
                 return Unary("-", args[0])
             case "abs":
                 return Call("math.fabs", tuple(args))
+            case "det":
+                return Call("linalg.determinant", (Constant(v.size), *args))
             case "sign":
                 return _sign(args[0])
             case "max":

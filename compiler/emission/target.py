@@ -37,6 +37,15 @@ class Item:
 
 
 @dataclass(frozen=True, slots=True)
+class Slice:
+    """Entries of an array, from `first` to before `stop`."""
+
+    array: str
+    first: int
+    stop: int
+
+
+@dataclass(frozen=True, slots=True)
 class Unary:
     op: Literal["-", "not "]
     operand: Target
@@ -74,14 +83,14 @@ class Dict:
     items: tuple[tuple[str, Target], ...]
 
 
-Target = Name | Constant | Item | Unary | Binary | Conditional | Call | Tuple | Dict
+Target = Name | Constant | Item | Slice | Unary | Binary | Conditional | Call | Tuple | Dict
 
 # ---- statements -----------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Assign:
-    target: Name | Item
+    target: Name | Item | Slice | Tuple
     value: Target
     comment: str = ""
 
@@ -183,8 +192,9 @@ def _body(statements: tuple[Statement, ...], indent: str) -> Iterator[str]:
         yield from _statement(s, inner)
 
 
-def _assign(target: Name | Item, value: Target, comment: str, indent: str) -> Iterator[str]:
-    lines = list(_wrapped(value, f"{indent}{_show(target)} = ", "", indent))
+def _assign(target: Name | Item | Slice | Tuple, value: Target, comment: str, indent: str) -> Iterator[str]:
+    names = ", ".join(map(_show, target.items)) if isinstance(target, Tuple) else _show(target)
+    lines = list(_wrapped(value, f"{indent}{names} = ", "", indent))
     if comment:
         lines[-1] = f"{lines[-1]}  # {plain(comment)}"
     yield from lines
@@ -209,6 +219,12 @@ def _wrapped(value: Target, before: str, after: str, indent: str) -> Iterator[st
             for key, item in entries:
                 yield from _wrapped(item, f"{inner}{key!a}: ", ",", inner)
             yield f"{indent}}}{after}"
+        case Call(function=function, args=args, keywords=()) if len(line) > WIDTH and all(
+            map(_is_operand, args)
+        ):
+            yield f"{before}{function}("
+            yield from _filled([f"{_show(arg)}," for arg in args], inner)
+            yield f"{indent}){after}"
         case Call(function=function, args=args, keywords=keywords) if len(line) > WIDTH and (
             args or keywords
         ):
@@ -227,6 +243,11 @@ def _is_short(value: Target) -> bool:
     if isinstance(value, Tuple):
         return all(isinstance(item, Constant) for item in value.items)
     return isinstance(value, Constant)
+
+
+def _is_operand(value: Target) -> bool:
+    """Whether it is arithmetic, of which several may share a line."""
+    return not isinstance(value, Call | Tuple | Dict)
 
 
 def _filled(words: Iterable[str], indent: str) -> Iterator[str]:
@@ -249,6 +270,8 @@ def _show(value: Target, least: int = 0) -> str:
             return _parenthesised(_constant(constant), _NEGATIVE if _is_negative(constant) else _ATOM, least)
         case Item(array=array, index=index):
             return f"{array}[{index}]"
+        case Slice(array=array, first=first, stop=stop):
+            return f"{array}[{first}:{stop}]"
         case Unary(op=op, operand=operand):
             strength = _NEGATIVE if op == "-" else _STRENGTH[op]
             return _parenthesised(op + _show(operand, strength), strength, least)

@@ -167,3 +167,23 @@ class NoFiniteValue(Problem):
 
     def title(self) -> str:
         return f"{self.subject}: `{self.text}` has no finite value"
+
+
+@dataclass(frozen=True)
+class MatrixTooLarge(Problem):
+    code = "E312"
+    explanation = (
+        "`det`, `inverse` and `solve` are for the small dense matrices of mechanisms and filters. The work grows with the cube of the size, and every "
+        "step does all of it. A larger system usually has zeros that are known: write its blocks, or use states that are not coupled through a matrix."
+    )
+    function: str
+    size: int
+    limit: int
+
+    def title(self) -> str:
+        return (
+            f"`{self.function}` takes matrices up to {self.limit}x{self.limit}, not {self.size}x{self.size}"
+        )
+
+    def help(self) -> tuple[str, ...]:
+        return ("split the system into blocks, or solve for fewer unknowns at once",)

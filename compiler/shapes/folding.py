@@ -10,6 +10,7 @@ import math
 import operator
 from collections.abc import Callable, Sequence
 
+from hierc.compiler import exact
 from hierc.compiler.expression import Expr, Number, Operator
 
 
@@ -34,6 +35,12 @@ def _sign(x: float) -> float:
     return float((x > 0) - (x < 0))
 
 
+def _solve(index: float, *system: float) -> float:
+    """One unknown of a system of n equations: n rows of the matrix, then the right-hand side."""
+    n = math.isqrt(len(system))  # n*n + n is less than (n + 1)^2
+    return exact.solution(system[: n * n], system[n * n :])[int(index)]
+
+
 def _round(x: float) -> float:
     """Half away from zero."""
     return math.copysign(math.floor(abs(x) + 0.5), x)
@@ -47,5 +54,6 @@ _OPERATIONS: dict[Operator, Callable[..., float]] = {
     "abs": abs, "sign": _sign, "floor": math.floor, "ceil": math.ceil, "round": _round,
     "mod": operator.mod, "quotient": lambda x, y: math.floor(x / y), "min": min, "max": max,
     "lt": operator.lt, "le": operator.le, "gt": operator.gt, "ge": operator.ge, "eq": operator.eq, "ne": operator.ne,
+    "det": lambda *matrix: exact.determinant(matrix), "solve": _solve,
     "and": lambda a, b: bool(a) and bool(b), "or": lambda a, b: bool(a) or bool(b), "not": operator.not_,
 }  # fmt: skip

@@ -1,6 +1,6 @@
 """Built-in functions on shaped values: the argument rule and the scalars of each function stand together.
 
-In: shaped arguments. Out: a shaped value, or `Rejected` with E306 (wrong arguments) or E011 (not supported yet).
+In: shaped arguments. Out: a shaped value, or `Rejected` with E306 (wrong arguments) or E312 (too large a matrix).
 """
 
 from __future__ import annotations
@@ -12,11 +12,10 @@ from hierc.compiler.collector import Rejected
 from hierc.compiler.expression import Expr, Number, Operator
 from hierc.compiler.resolve.errors import ModelTooLarge
 from hierc.compiler.shapes import matrices
-from hierc.compiler.shapes.errors import NotAKnownInteger, WrongArguments
+from hierc.compiler.shapes.errors import MatrixTooLarge, NotAKnownInteger, WrongArguments
 from hierc.compiler.shapes.folding import constant
 from hierc.compiler.shapes.operations import Sharing, chained, inner_product
 from hierc.compiler.shapes.values import Value, apply, joined, number, scalar_of
-from hierc.compiler.unsupported import Function as NotSupported
 from hierc.grammar import tree
 from hierc.grammar.source import Span
 
@@ -161,8 +160,8 @@ def _matrix(args: Arguments, wanted: str = "1 square matrix", *, square: bool = 
 
 def _small(args: Arguments, size: int) -> None:
     if size > matrices.MAX_SIZE:
-        use = f"`{args.call.function.text}` of a matrix larger than {matrices.MAX_SIZE}x{matrices.MAX_SIZE}"
-        raise Rejected(NotSupported(args.call.function.span, use=use))
+        name = args.call.function.text
+        raise Rejected(MatrixTooLarge(args.span, function=name, size=size, limit=matrices.MAX_SIZE))
 
 
 def _dot(args: Arguments) -> Value:

@@ -1,7 +1,8 @@
-"""Determinant, inverse and linear solution of small matrices as scalar formulas, up to 3x3.
+"""Determinant, inverse and linear solution of matrices: up to 3x3 as scalar formulas, above as operations that factor the matrix at run time.
 
-All elements that come in are leaves (the caller shared them), and the pieces that several elements of the result need (cofactors, the
-determinant) are shared here, so the formulas stay small.
+All elements that come in are leaves (the caller shared them), and the pieces that several elements of a formula need (cofactors, the
+determinant) are shared here, so the formulas stay small. Each unknown of a larger system is an operation of its own; the symbolic phase finds that they
+have their matrix, and its factors, in common.
 """
 
 from __future__ import annotations
@@ -12,12 +13,17 @@ from hierc.compiler.shapes.values import Value, apply
 from hierc.grammar.source import Span
 
 #: Largest matrix with a formula of its own.
-MAX_SIZE = 3
+LARGEST_FORMULA = 3
+
+#: Largest matrix at all.
+MAX_SIZE = 12
 
 
 def determinant(matrix: Value, span: Span) -> Expr:
-    """Determinant by expansion along the first row."""
+    """Determinant, up to 3x3 by expansion along the first row."""
     size = matrix.shape[0]
+    if size > LARGEST_FORMULA:
+        return apply("det", *matrix.elements, span=span)
     if size == 1:
         return matrix.elements[0]
     if size == 2:
@@ -56,16 +62,22 @@ def _adjugate(matrix: Value, span: Span, sharing: Sharing) -> tuple[list[list[Ex
 
 
 def inverse(matrix: Value, span: Span, sharing: Sharing) -> Value:
-    """The inverse as adjugate over determinant."""
-    if matrix.shape[0] == 1:
+    """The inverse: as adjugate over determinant, or column by column."""
+    size = matrix.shape[0]
+    if size > LARGEST_FORMULA:
+        unit = tuple(Number(span, float(i == j)) for i in range(size) for j in range(size))
+        return _factored(matrix, Value("real", matrix.shape, unit), span)
+    if size == 1:
         return Value("real", (1, 1), (apply("div", Number(span, 1.0), matrix.elements[0], span=span),))
     rows, det = _adjugate(matrix, span, sharing)
     return Value("real", matrix.shape, tuple(apply("div", e, det, span=span) for row in rows for e in row))
 
 
 def solve(matrix: Value, right: Value, span: Span, sharing: Sharing) -> Value:
-    """The solution of `matrix * x = right` by Cramer's rule; `right` is a vector or a matrix."""
+    """The solution of `matrix * x = right`, by Cramer's rule where it is small; `right` is a vector or a matrix."""
     size = matrix.shape[0]
+    if size > LARGEST_FORMULA:
+        return _factored(matrix, right, span)
     if size == 1:
         return Value(
             "real", right.shape, tuple(apply("div", e, matrix.elements[0], span=span) for e in right.elements)
@@ -74,3 +86,15 @@ def solve(matrix: Value, right: Value, span: Span, sharing: Sharing) -> Value:
     columns = [right.elements] if len(right.shape) == 1 else [right.column(j) for j in range(right.shape[1])]
     products = (inner_product(row, column, span) for row in rows for column in columns)
     return Value("real", right.shape, tuple(apply("div", p, det, span=span) for p in products))
+
+
+def _factored(matrix: Value, right: Value, span: Span) -> Value:
+    """The solution of `matrix * x = right`, its unknowns one by one."""
+    columns = [right.elements] if len(right.shape) == 1 else [right.column(j) for j in range(right.shape[1])]
+    numbers = [Number(span, float(i)) for i in range(matrix.shape[0])]
+    unknowns = (
+        apply("solve", number, *matrix.elements, *column, span=span)
+        for number in numbers
+        for column in columns
+    )
+    return Value("real", right.shape, tuple(unknowns))

@@ -3,6 +3,8 @@
 In: values (the rows). Out: for each row, its nonzero derivatives by column. Guaranteed: a derivative evaluates nothing outside the branch its
 value stands in; `max`, `min` and `abs` have the derivative of the branch taken, steps (`sign`, `floor`, comparisons) derivative zero.
 
+The unknowns of a system A x = b are differentiated by the columns at once: dx is the solution for db - dA x, with the factors that A has already.
+
 Every value gets the partial derivatives of its own operation; intermediate values are then eliminated from this graph in Markowitz order,
 which takes few multiplications whether rows or columns are many (Griewank & Reese, 1991). Nothing is ever substituted, so nothing swells.
 """
@@ -11,10 +13,10 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 from hierc.compiler.symbolic.errors import TooLarge
-from hierc.compiler.symbolic.graph import BOOLEAN, Depends, Graph
+from hierc.compiler.symbolic.graph import BOOLEAN, Depends, Graph, Value
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import Span
 
@@ -23,6 +25,8 @@ CHOICES = 10_000
 
 #: Derivatives of one value: by which value, and the value of the derivative.
 Gradient = dict[int, int]
+#: Of each `solve`: the gradients of its unknowns.
+Solved = dict[int, list[Gradient]]
 
 
 def jacobian(graph: Graph, rows: Sequence[int], columns: Sequence[int], span: Span) -> list[Gradient]:
@@ -38,19 +42,74 @@ class _Differentiation:
         self._span = span
         self._visited = 0
 
-    def gradients(self, rows: Sequence[int], by: Collection[int]) -> list[Gradient]:
-        """Derivatives of rows by the values `by`, which are held as independent."""
+    def gradients(
+        self, rows: Sequence[int], by: Collection[int], solved: Solved | None = None
+    ) -> list[Gradient]:
+        """Derivatives of rows by the values `by`, which are held as independent. `solved`: what is known already for these."""
         graph = self._graph
-        scope = {v for v in graph.always(rows) if v not in by and graph.depends[v] & Depends.COLUMNS}
+        always = graph.always(rows)
+        solved = {} if solved is None else solved
+        for v in sorted(
+            self._made_of(rows, by, through=True) & always
+        ):  # ascending: one system after another
+            if graph.values[v].op == "solve" and v not in solved:
+                solved[v] = self._unknowns(v, by, solved)
+        scope = {v for v in self._made_of(rows, by, through=False) & always if v not in by}
         known = {*by, *scope}
         into: dict[int, Gradient] = {}
         for v in sorted(scope):
-            into[v] = self._choice(v, known) if graph.values[v].op == "choose" else _partials(graph, v)
+            match graph.values[v]:
+                case Value(op="choose"):
+                    into[v] = self._choice(v, known)
+                case Value(op="element", args=(system,), index=index):
+                    into[v] = solved[system][index]
+                case _:
+                    into[v] = _partials(graph, v)
         one = graph.number(1.0)
         for k, row in enumerate(rows):
             into[-1 - k] = {row: one} if row in known else {}
         _eliminate(graph, into, scope)
         return [dict(sorted(into[-1 - k].items())) for k in range(len(rows))]
+
+    def _made_of(self, rows: Iterable[int], by: Collection[int], *, through: bool) -> set[int]:
+        """What rows are made of down to `by`, as far as that changes with columns; `through`: also what systems are made of."""
+        graph = self._graph
+        seen: set[int] = set()
+        stack = list(rows)
+        while stack:
+            v = stack.pop()
+            if v in seen or v in by or not graph.depends[v] & Depends.COLUMNS:
+                continue
+            seen.add(v)
+            match graph.values[v]:
+                case Value(op="element") if not through:
+                    pass
+                case Value(op="det", args=(factors,)):
+                    stack += graph.values[factors].args
+                case Value(args=args):
+                    stack += args
+        return seen
+
+    def _unknowns(self, system: int, by: Collection[int], solved: Solved) -> list[Gradient]:
+        """The gradients of all unknowns x of A x = b: for each column the solution of A dx = db - dA x."""
+        graph = self._graph
+        factors, *right = graph.values[system].args
+        matrix, n = graph.values[factors].args, graph.values[factors].size
+        gradients = self.gradients([*matrix, *right], by, solved)
+        minus = [graph.apply("neg", graph.unknown(factors, right, k)) for k in range(n)]
+        found: list[Gradient] = [{} for _ in range(n)]
+        for column in sorted({c for gradient in gradients for c in gradient}):
+            rest = []
+            for j in range(n):
+                total = gradients[n * n + j].get(column, graph.number(0.0))
+                for k in range(n):
+                    if (d := gradients[j * n + k].get(column)) is not None:
+                        total = _plus(graph, total, _times(graph, d, minus[k]))
+                rest.append(total)
+            for k, d in enumerate(_solution(graph, factors, rest)):
+                if graph.literal(d) != 0.0:
+                    found[k][column] = d
+        return found
 
     def _choice(self, value: int, known: Collection[int]) -> Gradient:
         """A choice between two values has the choice between their derivatives, each evaluated in its branch."""
@@ -145,6 +204,22 @@ def _plus(graph: Graph, a: int, b: int) -> int:
     return graph.apply("add", a, b)
 
 
+def _solution(graph: Graph, factors: int, right: Sequence[int]) -> list[int]:
+    """The unknowns for a right-hand side; where that has one entry only, a column of the inverse times it."""
+    n = len(right)
+    nonzero = [j for j, b in enumerate(right) if graph.literal(b) != 0.0]
+    if len(nonzero) != 1:
+        return [graph.unknown(factors, right, k) for k in range(n)]
+    (j,) = nonzero
+    return [_times(graph, right[j], _of_inverse(graph, factors, k, j)) for k in range(n)]
+
+
+def _of_inverse(graph: Graph, factors: int, row: int, column: int) -> int:
+    """An entry of the inverse."""
+    unit = [graph.number(float(k == column)) for k in range(graph.values[factors].size)]
+    return graph.unknown(factors, unit, row)
+
+
 def _is_constant(graph: Graph, value: int) -> bool:
     return not graph.depends[value] & Depends.RUN
 
@@ -169,11 +244,25 @@ def _partials(graph: Graph, value: int) -> Gradient:
     v = graph.values[value]
     if v.op in _STEPS:
         return {}
+    if v.op == "det":
+        return _of_determinant(graph, value)
     total: Gradient = {}
     one = graph.number(1.0)
     for k, argument in enumerate(v.args):
         if graph.depends[argument] & Depends.COLUMNS:
             _accumulate(graph, total, _PARTIALS[v.op](graph, value, *v.args)[k](), {argument: one})
+    return total
+
+
+def _of_determinant(graph: Graph, value: int) -> Gradient:
+    """Derivatives of a determinant by the entries of its matrix: its cofactors, the determinant times the transposed inverse."""
+    (factors,) = graph.values[value].args
+    n = graph.values[factors].size
+    total: Gradient = {}
+    for place, entry in enumerate(graph.values[factors].args):
+        if graph.depends[entry] & Depends.COLUMNS:
+            of_inverse = _of_inverse(graph, factors, place % n, place // n)
+            _accumulate(graph, total, _times(graph, value, of_inverse), {entry: graph.number(1.0)})
     return total
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Literal
 
 from hierc.compiler.model import Model, Node, Source
@@ -204,7 +205,7 @@ class _FormBuilder:
             states=tuple(s.name for s in node.states),
             inputs=len(node.inputs),
             parameters=len(node.parameters),
-            values=len(fill),
+            values=sum(graph.values[v].entries for _, v in fill),
             outs=out_details,
             channels=channels,
             records=records,
@@ -272,7 +273,9 @@ class _FormBuilder:
         functions = {f: [(k, expanded[v]) for k, v in stores] for f, stores in functions.items()}
         roots = {f: [v for _, v in stores] for f, stores in functions.items()}
         fill = constants(graph, [roots[f] for f in roots if f != "observe"], roots["observe"])
-        leaves = {v: graph.leaf("value", k) for k, v in enumerate(fill)}
+        ends = accumulate((graph.values[v].entries for v in fill), initial=0)
+        places = dict(zip(fill, ends, strict=False))
+        leaves = {v: graph.kept(v, place) for v, place in places.items()}
         new = replace(graph, expanded.values(), leaves)
         names: dict[int, str] = {}
         for definition, value in zip(self._node.definitions, definitions, strict=True):
@@ -280,7 +283,7 @@ class _FormBuilder:
             names.setdefault(new[expanded[value]], definition.name)
         names = {v: name for v, name in names.items() if not graph.is_leaf(v)}
         functions = {f: [(k, new[v]) for k, v in stores] for f, stores in functions.items()}
-        return functions, list(enumerate(fill)), names
+        return functions, [(place, v) for v, place in places.items()], names
 
     def _parts(self, stores: Stores, outs: Sequence[Out]) -> tuple[Part, ...]:
         together: dict[frozenset[int], Stores] = {}

@@ -4,6 +4,9 @@ In: operations and arguments. Out: value numbers. Guaranteed: arguments have sma
 loops, not recursions; equal operations on equal values are the same number (this eliminates common subexpressions); arithmetic on
 literals is done, by the double precision operations that the generated code would use.
 
+A system of equations is three kinds of value: `factor` of a matrix, which is no number; `solve`, all unknowns for one right-hand side; and `element`, one
+of them. Everything about one matrix so shares one factorisation, and the unknowns one substitution.
+
 Rewritten are only identities over the reals that keep the user's order of operations: `x*0`, `x/x`, `a + (-b)`, signs moved out of
 products. A quotient stays a quotient and a sum keeps its association, so results are those of the plain reading, bit for bit.
 """
@@ -12,10 +15,11 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntFlag
 
+from hierc.compiler import exact
 from hierc.compiler.symbolic.errors import OutOfRange, TooLarge
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import Span
@@ -43,6 +47,7 @@ LEAVES = {
     "input": Depends.INPUT,
     "parameter": Depends.PARAMETER,  # of the node
     "value": Depends.PARAMETER,  # of the class: something made of parameters, computed once a run
+    "factors": Depends.PARAMETER,  # the same, for the factors of a matrix, which are several values in a row
 }
 
 COMPARISONS: dict[str, Callable[[float, float], bool]] = {
@@ -53,16 +58,26 @@ COMMUTATIVE = frozenset(
     {"add", "mul", "eq", "ne", "and", "or"}
 )  # `max` and `min` are not: which NaN, which zero
 _TOTAL = frozenset({"add", "sub", "mul", "neg", "abs", "sign", "min", "max"}) | BOOLEAN
+SYSTEMS = frozenset({"factor", "solve", "element", "det"})  # infinite or NaN where the matrix is singular
 
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """An operation on earlier values, or a leaf: literal `number`, or entry `index` of an array."""
+    """An operation on earlier values, or a leaf: literal `number`, or entry `index` of an array; `element`: unknown `index`.
+
+    `size`: rows of the matrix, where it is about one.
+    """
 
     op: str
     args: tuple[int, ...] = ()
     index: int = 0
     number: float = 0.0
+    size: int = 0
+
+    @property
+    def entries(self) -> int:
+        """How many doubles it takes, kept in an array: factors are n rows of n + 1, and the determinant."""
+        return self.size * (self.size + 1) + 1 if self.op in ("factor", "factors") else 1
 
 
 def _sign(x: float) -> float:
@@ -110,9 +125,9 @@ class Graph:
         """A literal."""
         return self._intern(("number", value.hex()), Value("number", number=value), Depends.NOTHING)
 
-    def leaf(self, op: str, index: int = 0) -> int:
-        """A state, input, parameter or value by its index, or time."""
-        return self._intern((op, index), Value(op, index=index), LEAVES[op])
+    def leaf(self, op: str, index: int = 0, size: int = 0) -> int:
+        """A state, input, parameter or value by its index, or time; factors by their first entry, with the size of their matrix."""
+        return self._intern((op, index, size), Value(op, index=index, size=size), LEAVES[op])
 
     def apply(self, op: str, *args: int) -> int:
         """The value of an operation, simplified."""
@@ -124,11 +139,8 @@ class Graph:
         simple = _RULES[op](self, *args) if op in _RULES else None
         if simple is not None:
             return simple
-        depends = Depends.NOTHING
-        for a in args:
-            depends |= self.depends[a]
         key = tuple(sorted(args)) if op in COMMUTATIVE else args
-        return self._intern((op, key), Value(op, args), depends)
+        return self._intern((op, key), Value(op, args), self._joined(args))
 
     def choose(self, condition: int, then: int, other: int) -> int:
         """A run-time `if`."""
@@ -147,13 +159,86 @@ class Graph:
         args = (condition, then, other)
         return self._intern(("choose", args), Value("choose", args), depends)
 
+    def kept(self, value: int, place: int) -> int:
+        """The leaf that stands for a value of parameters that is kept from entry `place` on."""
+        v = self.values[value]
+        return self.leaf("value", place) if v.op != "factor" else self.leaf("factors", place, v.size)
+
     def rebuild(self, value: int, args: tuple[int, ...]) -> int:
         """The same operation on other arguments."""
         v = self.values[value]
         if args == v.args:
             return value
         self._span = self._spans[value]
-        return self.choose(*args) if v.op == "choose" else self.apply(v.op, *args)
+        match v.op:
+            case "choose":
+                return self.choose(*args)
+            case "factor":
+                return self.factor(args)
+            case "solve" | "element" | "det":
+                return self._system(v.op, args, v.index)
+            case _:
+                return self.apply(v.op, *args)
+
+    # ---- systems of equations ---------------------------------------------------
+
+    def factor(self, matrix: Sequence[int]) -> int:
+        """The factors of a square matrix, given row by row. They are no number: only `unknown` and `determinant` take them."""
+        depends = self._joined(matrix)
+        numbers = self._literals(matrix)
+        if numbers is None or exact.determinant(numbers) != 0.0:  # of literals: to be computed once a run
+            depends |= Depends.PARAMETER
+        key = ("factor", tuple(matrix))
+        return self._intern(key, Value("factor", tuple(matrix), size=math.isqrt(len(matrix))), depends)
+
+    def unknown(self, factors: int, right: Sequence[int], index: int) -> int:
+        """x[index] of A x = right, by the factors of A."""
+        numbers = self._literals(right)
+        if numbers is not None:
+            if not any(numbers):
+                return self.number(0.0)
+            folded = self._folded(factors, lambda matrix: exact.solution(matrix, numbers)[index])
+            if folded is not None:
+                return self.number(folded)
+        return self._system("element", (self._system("solve", (factors, *right)),), index)
+
+    def determinant(self, factors: int) -> int:
+        """The determinant of A, by its factors."""
+        folded = self._folded(factors, exact.determinant)
+        return self.number(folded) if folded is not None else self._system("det", (factors,))
+
+    def _system(self, op: str, args: tuple[int, ...], index: int = 0) -> int:
+        return self._intern(
+            (op, args, index),
+            Value(op, args, index=index, size=self.values[args[0]].size),
+            self._joined(args),
+        )
+
+    def _folded(self, factors: int, function: Callable[[tuple[float, ...]], float]) -> float | None:
+        """A function of a matrix of literals; None if it is none, or has no finite value."""
+        numbers = self._literals(self.values[factors].args)
+        try:
+            return None if numbers is None or not numbers else function(numbers)
+        except ArithmeticError:
+            return None
+
+    def _literals(self, values: Sequence[int]) -> tuple[float, ...] | None:
+        """The numbers that values are, if all are literals."""
+        numbers = tuple(self.values[v].number for v in values if self.values[v].op == "number")
+        return numbers if len(numbers) == len(values) else None
+
+    def _joined(self, values: Sequence[int]) -> Depends:
+        """What several values together depend on."""
+        depends = Depends.NOTHING
+        for v in values:
+            depends |= self.depends[v]
+        return depends
+
+    # ---- interning --------------------------------------------------------------
+
+    def known(self, op: str, *args: int) -> int | None:
+        """The value of an operation if it was made before."""
+        return self._numbers.get((op, args))
 
     def _is_choice(self, value: int, condition: int) -> bool:
         v = self.values[value]
@@ -187,7 +272,7 @@ class Graph:
         v = self.values[value]
         if v.op == "div":
             return self.literal(v.args[1]) not in (None, 0.0)
-        return not v.args or v.op in _TOTAL
+        return not v.args or v.op in _TOTAL or v.op in SYSTEMS
 
     def reach(self, roots: Iterable[int]) -> list[int]:
         """Everything the roots are made of, in both branches of every `if`, arguments first."""
@@ -229,7 +314,8 @@ class Graph:
         bad = [v for v in self.reach(roots) if self.depends[v] == Depends.NOTHING and not self.is_leaf(v)]
         bad = [v for v in bad if all(self.is_leaf(a) for a in self.values[v].args)]
         if bad:
-            raise ModelError([OutOfRange(self._require_span(self._spans[v]), self.values[v].op) for v in bad])
+            operations = {v: self.values[v].op.replace("factor", "solve") for v in bad}
+            raise ModelError([OutOfRange(self._require_span(self._spans[v]), operations[v]) for v in bad])
 
     @staticmethod
     def _require_span(span: Span | None) -> Span:
@@ -248,7 +334,7 @@ def _fold(op: str, literals: list[float | None]) -> float | None:
 
 
 # ---- identities ---------------------------------------------------------------------
-# Each rule gives the simpler value or None. `_negated` looks through a minus sign.
+# Each rule gives the simpler value or None. `_negated` looks through a minus sign; `_reversed` at a difference the other way round.
 
 
 def _negated(graph: Graph, value: int) -> int | None:
@@ -336,8 +422,17 @@ def _pow(graph: Graph, a: int, b: int) -> int | None:
     return None
 
 
+def _reversed(graph: Graph, op: str, value: int) -> int | None:
+    """The operation on b - a, where that was made before and `value` is a - b: the one is exactly minus the other."""
+    v = graph.values[value]
+    other = graph.known("sub", *v.args[::-1]) if v.op == "sub" else None
+    return None if other is None else graph.known(op, other)
+
+
 def _odd(op: str) -> Callable[[Graph, int], int | None]:
     def rule(graph: Graph, a: int) -> int | None:
+        if (other := _reversed(graph, op, a)) is not None:
+            return graph.apply("neg", other)
         minus = _negated(graph, a)
         return None if minus is None else graph.apply("neg", graph.apply(op, minus))
 
@@ -346,6 +441,8 @@ def _odd(op: str) -> Callable[[Graph, int], int | None]:
 
 def _even(op: str) -> Callable[[Graph, int], int | None]:
     def rule(graph: Graph, a: int) -> int | None:
+        if (other := _reversed(graph, op, a)) is not None:
+            return other
         minus = _negated(graph, a)
         return None if minus is None else graph.apply(op, minus)
 

@@ -8,6 +8,7 @@ The right operand of `and` and `or` is evaluated in vain at most when it cannot 
 
 from __future__ import annotations
 
+import math
 from typing import assert_never
 
 from hierc.compiler.expression import Apply, Choose, Expr, Input, Local, Number, Parameter, Rate, State, Time
@@ -71,6 +72,11 @@ class Lowering:
                 return self._and(*parts)
             case Apply(op="or"):
                 return self._or(*parts)
+            case Apply(op="det"):
+                return graph.determinant(graph.factor(parts))
+            case Apply(op="solve", args=(Number(value=index), *_)):
+                n = math.isqrt(len(parts) - 1)  # n*n + n is less than (n + 1)^2
+                return graph.unknown(graph.factor(parts[1 : 1 + n * n]), parts[1 + n * n :], int(index))
             case Apply(op=op):
                 return graph.apply(op, *parts)
             case Choose():

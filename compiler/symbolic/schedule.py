@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from hierc.compiler.symbolic.errors import TooDeep, TooLarge
-from hierc.compiler.symbolic.graph import Depends, Graph
+from hierc.compiler.symbolic.graph import Depends, Graph, Value
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import Span
 
@@ -25,6 +25,7 @@ FLOPS: Mapping[str, int] = {
     **dict.fromkeys(("add", "sub", "mul", "div", "abs", "sign", "min", "max", "floor", "ceil", "round"), 1),
     **dict.fromkeys(("lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not"), 1),
     "neg": 0,  # a sign bit, mostly absorbed by the operation that uses it
+    **dict.fromkeys(("element", "det"), 0),
 }
 ELEMENTARY = 20
 
@@ -77,7 +78,19 @@ def schedule(graph: Graph, stores: Sequence[tuple[int, int]], span: Span) -> Pro
 def operations(graph: Graph, roots: Iterable[int]) -> int:
     """Flops of everything the roots are made of that changes during a run, all branches counted."""
     changing = (v for v in graph.reach(roots) if graph.values[v].args and graph.depends[v] & Depends.RUN)
-    return sum(FLOPS.get(graph.values[v].op, ELEMENTARY) for v in changing)
+    return sum(cost(graph.values[v]) for v in changing)
+
+
+def cost(value: Value) -> int:
+    """Flops of one operation."""
+    n = value.size
+    match value.op:
+        case "factor":  # sizes of rows; the search for pivots; multipliers; updates
+            return n * n + n * (n - 1) + n * (n - 1) // 2 + n * (n - 1) * (2 * n - 1) // 3
+        case "solve":
+            return 2 * n * n - n
+        case op:
+            return FLOPS.get(op, ELEMENTARY)
 
 
 def flops(graph: Graph, block: Block) -> int:
@@ -87,7 +100,7 @@ def flops(graph: Graph, block: Block) -> int:
         if isinstance(step, Branch):
             total += max(flops(graph, step.then), flops(graph, step.other))
         else:
-            total += FLOPS.get(graph.values[step.value].op, ELEMENTARY)
+            total += cost(graph.values[step.value])
     return total
 
 

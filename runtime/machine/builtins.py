@@ -65,7 +65,7 @@ def elementary(low: Lowering, name: str, args: Sequence[Operand], node: ast.AST)
         # CPython's floor and ceil are integers, which have no negative zero; adding 0.0 takes its sign away.
         return low.math.binary("Add", exact, 0.0) if name in ("floor", "ceil") else exact
     if lanes > 1 and name in _OVER_LANES:
-        result = low.call_function(_OVER_LANES[name], values)
+        result = low.call_function(_OVER_LANES[name], values, apart=low.apart)
         assert result is not None
         return result
     function = _libm(low, name, count)

@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 from llvmlite import ir
+from llvmlite.ir.instructions import CallInstr
 
 from hierc.runtime.contract import Class
 from hierc.runtime.machine.arithmetic import Arithmetic
@@ -23,6 +24,10 @@ from hierc.runtime.machine.linear import Elimination, LinearCode, eliminate
 from hierc.runtime.machine.split import depends, split, switches
 from hierc.runtime.machine.types import DOUBLE, I64, POINTER, Emitted, Float, Pointer, Type, Value, llvm_type
 from hierc.runtime.machine.unit import Unit
+
+#: Instructions of a composed function, before LLVM has seen them, up to which it becomes part of every piece that calls it. Beside a larger one the
+#: call costs nothing, and its copies, one in each of six pieces, would take most of the compilation.
+INLINED = 2000
 
 #: Where a call finds an input; "none": it does not look at it.
 Where = tuple[Literal["channel", "state", "out", "none"], int]
@@ -279,6 +284,16 @@ class Composer:
         return body.end()
 
 
+def inlined_size(function: ir.Function, known: dict[str, int]) -> int:
+    """Instructions of a function, with those of all that becomes part of it. `known`: of other functions, by name."""
+    if function.name not in known:
+        calls = [i for block in function.blocks for i in block.instructions if isinstance(i, CallInstr)]
+        inlined = [call.callee for call in calls if "alwaysinline" in call.callee.attributes]
+        own = sum(len(block.instructions) for block in function.blocks)
+        known[function.name] = own + sum(inlined_size(callee, known) for callee in inlined)
+    return known[function.name]
+
+
 class _Body:
     """The body of one composed function: gathers each call's inputs and makes the call."""
 
@@ -288,7 +303,6 @@ class _Body:
         signature = ir.FunctionType(ir.VoidType(), [llvm_type(k) for k in self.kinds])
         self.function = ir.Function(module, signature, module.get_unique_name(name))
         self.function.linkage = "internal"
-        self.function.attributes.add("alwaysinline")
         self.function.attributes.add("nounwind")
         for argument in self.function.args:
             if argument.type == POINTER:
@@ -306,6 +320,8 @@ class _Body:
 
     def end(self) -> Emitted:
         self.builder.ret_void()
+        small = inlined_size(self.function, {}) <= INLINED
+        self.function.attributes.add("alwaysinline" if small else "noinline")
         return Emitted(self.function, self.kinds, None)
 
     def load(self, array: Any, index: int, lanes: int | None = None) -> Value:

@@ -61,7 +61,10 @@ Resolver = Callable[[Callable[..., Any]], tuple[ir.Function, tuple[Type, ...], T
 
 
 class Lowering:
-    """Lowers the body of one function. `names` are its globals; `resolve` supplies functions that it calls."""
+    """Lowers the body of one function. `names` are its globals; `resolve` supplies functions that it calls.
+
+    `contract`: products may be rounded together with the sums they stand in; `apart`: elementary functions over lanes are called, not written out.
+    """
 
     def __init__(
         self,
@@ -72,12 +75,14 @@ class Lowering:
         lanes: int,
         resolve: Resolver,
         contract: bool,
+        apart: bool = False,
     ) -> None:
         self.function = function
         self.returns = returns
         self.names = names
         self.lanes = lanes
         self.resolve = resolve
+        self.apart = apart
         self.entry = function.append_basic_block("entry")
         self.builder = ir.IRBuilder(self.entry)
         self.math = Arithmetic(self.builder, contract)
@@ -500,14 +505,16 @@ class Lowering:
         """The widest of some values."""
         return max(v.type.lanes for v in values if isinstance(v.type, Float))
 
-    def call_function(self, function: Callable[..., Any], args: list[Value]) -> Value | None:
+    def call_function(
+        self, function: Callable[..., Any], args: list[Value], *, apart: bool = False
+    ) -> Value | None:
         """Call another function of the dialect, lowering it first if it is new."""
-        return self.call_emitted(Emitted(*self.resolve(function)), args)
+        return self.call_emitted(Emitted(*self.resolve(function)), args, apart=apart)
 
-    def call_emitted(self, callee: Emitted, args: Sequence[Operand]) -> Value | None:
-        """Call a function of known signature."""
+    def call_emitted(self, callee: Emitted, args: Sequence[Operand], *, apart: bool = False) -> Value | None:
+        """Call a function of known signature; `apart`: it does not become part of this one."""
         converted = [self.math.convert(a, k).ir for a, k in zip(args, callee.kinds, strict=True)]
-        result = self.builder.call(callee.function, converted)
+        result = self.builder.call(callee.function, converted, attrs=("noinline",) if apart else ())
         return None if callee.returns is None else Value(result, callee.returns)
 
 

@@ -31,6 +31,9 @@ from hierc.runtime.machine.types import (
     llvm_type,
 )
 
+#: Calls of `math` in a function from which on these are called rather than written out.
+CROWDED = 40
+
 Names = Mapping[str, Any]
 NO_NAMES: Names = {}
 
@@ -105,7 +108,10 @@ class Unit:
         def resolve(callee: Callable[..., Any]) -> tuple[ir.Function, tuple[Type, ...], Type | None]:
             return self._dialect(callee, lanes, NO_NAMES)
 
-        Lowering(made, types, None, self.callees, lanes, resolve, contract=False).run(definition.body)
+        apart = _is_crowded(definition)
+        Lowering(made, types, None, self.callees, lanes, resolve, contract=False, apart=apart).run(
+            definition.body
+        )
         return made
 
     def translated(self, translation: Translation) -> Emitted:
@@ -126,6 +132,12 @@ class Unit:
     def text(self) -> str:
         """The module as LLVM text."""
         return str(self.module)
+
+
+def _is_crowded(definition: ast.FunctionDef) -> bool:
+    """Whether a function calls so many elementary functions that their code, a hundred instructions each, would be most of it."""
+    calls = (node for node in ast.walk(definition) if isinstance(node, ast.Call))
+    return sum(isinstance(call.func, ast.Attribute) for call in calls) > CROWDED
 
 
 def _mark(function: ir.Function, *, inline: bool, pure: bool) -> None:
