@@ -1,7 +1,7 @@
 """Where imported files are: beside the file that imports them, in the project, in HIERC_PATH, in the library `std` that comes with hierc.
 
 A model may come from a stranger. A file is read only if it is a regular `.hier` file that, with all links followed, lies in the folder where it was
-looked for; nothing of any other file is ever shown. Every place that was looked at is remembered with what was there, so that a later process
+looked for; nothing of any other file is ever shown. (The library may be installed as links.) Every place that was looked at is remembered with what was there, so that a later process
 can tell whether it would find the same.
 """
 
@@ -69,10 +69,14 @@ class Finder:
         self._by_path: dict[Path, SourceFile] = {real: main}
 
     @property
+    def folder(self) -> Path:
+        """The folder of the main file."""
+        return next(iter(self._files.values())).folder
+
+    @property
     def start(self) -> tuple[str, ...]:
         """Everything but files that decides what is found: the folder of the main file, HIERC_PATH, the place of std."""
-        main = next(iter(self._files.values()))
-        return str(main.folder), os.environ.get(PATH_VARIABLE, ""), str(Path.cwd()), str(self._library)
+        return str(self.folder), os.environ.get(PATH_VARIABLE, ""), str(Path.cwd()), str(self._library)
 
     def find(self, importer: str, module: str) -> SourceFile | Missing | Refused:
         """See `Reader.find`."""
@@ -90,6 +94,27 @@ class Finder:
             self.seen[str(path)] = None
         said = tuple(f"for `{file}` {place.said}" if i == 0 else place.said for i, place in enumerate(places))
         return Missing(file, said, tuple(self._modules_near(places, module)))
+
+    def data(self, importer: str, file: str) -> SourceFile | Missing | Refused:
+        """See `Reader.data`: a file beside the one that names it, or below; also elsewhere in its project, named from there by `../`."""
+        from hierc.compiler.imports.modules import Missing, Refused
+
+        home = self._files[importer]
+        path = Path(os.path.normpath(home.folder / file)) if "\0" not in file else Path()
+        root = self._library if home.library else self._project(home.folder) or home.folder
+        real = Path(os.path.realpath(path))
+        if not real.is_relative_to(root) or not path.is_relative_to(root):
+            return Refused(file, "it lies outside the folder of the model or its project")
+        if not os.path.lexists(path):
+            return Missing(file)
+        if real.suffix != ".csv":
+            return Refused(file, "its name does not end in `.csv`")
+        try:
+            text = read_source(real).text
+        except ModelError as error:
+            return Refused(file, getattr(error.problems[0], "reason", "it cannot be read"))
+        self.seen[str(path)] = digest(text)
+        return SourceFile(str(Path(importer).parent / file), text)
 
     @cached_property
     def elsewhere(self) -> Mapping[str, str]:
@@ -140,7 +165,7 @@ class Finder:
         real = Path(os.path.realpath(path))
         if real in self._by_path:
             return self._by_path[real]
-        if not real.is_relative_to(os.path.realpath(place.folder)):
+        if not (place.library or real.is_relative_to(os.path.realpath(place.folder))):
             return Refused(file, "it is a link that leads out of the folder")
         if real.suffix != ".hier":
             return Refused(file, "it is a link to a file of another kind")
