@@ -344,10 +344,9 @@ def lagrange(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
     momenta = sympy.Matrix([kinetic]).jacobian(rates).T
     coriolis = momenta.jacobian(angles) * sympy.Matrix(rates) - sympy.Matrix([kinetic]).jacobian(angles).T
     gravity = sympy.Matrix([potential]).jacobian(angles).T
-    values = sympy.lambdify(
-        [*angles, *rates], [momenta, coriolis, gravity, at, at.jacobian(angles) * sympy.Matrix(rates)]
-    )
-    return tuple(np.ravel(x) for x in values(*q, *v))  # fmt: skip
+    found = (momenta, coriolis, gravity, at, at.jacobian(angles) * sympy.Matrix(rates))
+    values = dict(zip((*angles, *rates), (*q, *v), strict=True))
+    return tuple(np.array(matrix.evalf(20, subs=values), float).ravel() for matrix in found)
 
 
 @pytest.mark.parametrize(
