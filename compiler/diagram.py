@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from hierc.compiler.cascade.graphs import components, order
 from hierc.compiler.expression import Input, Local
-from hierc.compiler.formula import source_name
 from hierc.compiler.model import Model, Node, Source
+from hierc.compiler.shapes.values import element_names
 from hierc.compiler.structure.flat import leaves
 
 
@@ -132,12 +132,18 @@ def _blocks(model: Model, sources: Sequence[Sequence[Source]]) -> list[list[int]
 
 
 class _Names:
-    """Names of sources as a reader wants them: vectors that are read whole have one name."""
+    """Names of sources, as results have them: vectors that are read whole have one name."""
 
     def __init__(self, model: Model) -> None:
-        self._model = model
         own = [variable for variable in model.variables if variable.access != "read"]
         self._variable = {element: variable for variable in own for element in variable.elements}
+        self._element = {
+            element: name
+            for variable in own
+            for element, name in zip(
+                variable.elements, element_names(variable.path, variable.shape), strict=True
+            )
+        }
 
     def of(self, sources: Sequence[Source]) -> tuple[str, ...]:
         """The names of scalars of one node, each once: states, each before its derivative, then algebraic variables."""
@@ -148,10 +154,7 @@ class _Names:
     def _name(self, source: Source, given: set[Source]) -> str:
         rate = source.kind == "rate"
         element = Source(source.node, "state", source.index) if rate else source
-        variable = self._variable.get(element)
-        if variable is None or not variable.shape:
-            return source_name(self._model, source)
+        variable = self._variable[element]
         whole = (Source(e.node, "rate", e.index) if rate else e for e in variable.elements)
-        if not given.issuperset(whole):
-            return source_name(self._model, source)
-        return variable.path + ("'" if rate else "")
+        name = variable.path if given.issuperset(whole) else self._element[element]
+        return name + ("'" if rate else "")

@@ -34,7 +34,7 @@ from hierc.grammar import tree
 from hierc.grammar.source import Span
 
 #: Places that may use `let`s of parameters.
-WITH_LETS = ("an argument", "a size or nominal value")
+WITH_LETS = ("an argument", "a range", "a size or nominal value")
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,8 +203,14 @@ class _AgentChecker:
 
     def _instance(self, instance: tree.Instance, scope: AgentScope) -> None:
         arguments = self._scope("an argument", self._agent.params)
-        arguments.check_all(arg.value for arg in instance.args)
-        scope.check_all(bind.value for bind in instance.bindings)
+        bound: frozenset[str] = frozenset()
+        if instance.index is not None:
+            range_ = instance.index.range
+            self._scope("a range", self._agent.params).check_all((range_.first, range_.last))
+            scope.check_shadowing(instance.index.index)
+            bound = frozenset({instance.index.index.text})
+        arguments.check_all((arg.value for arg in instance.args), bound)
+        scope.check_all((bind.value for bind in instance.bindings), bound)
         inner = self._library.agents.get(instance.agent.text)
         if inner is None:
             self._problems.add(unknown_agent(instance.agent, self._library))
@@ -264,6 +270,7 @@ def _check_experiment(library: Library, experiment: tree.Experiment, problems: C
     scope = FileScope(library, problems, where, "an argument or setting of an experiment")
     scope.check_all(arg.value for arg in experiment.args)
     for item in experiment.items:
+        scope.check_all(_subscripts(item))
         if isinstance(item, tree.InitBlock):
             scope.check_all(initial.value for initial in item.values)
         elif isinstance(item, tree.Setting | tree.GroupSettings):
@@ -272,6 +279,18 @@ def _check_experiment(library: Library, experiment: tree.Experiment, problems: C
     timed = FileScope(library, problems, where, "a coupling")
     timed.timeless = False
     timed.check_all(bind.value for bind in experiment.bindings)
+
+
+def _subscripts(item: tree.ExpItem) -> Iterator[tree.Expr]:
+    """The subscripts in the paths of an experiment's item."""
+    paths: list[tree.Path] = []
+    if isinstance(item, tree.InitBlock):
+        paths = [initial.path for initial in item.values]
+    elif isinstance(item, tree.Record):
+        paths = [pattern.path for pattern in item.patterns]
+    for path in paths:
+        for step in path.steps:
+            yield from subscripts(step.subs)
 
 
 def _once(names: tuple[tree.Name, ...], problems: Collector) -> dict[str, tree.Name]:
