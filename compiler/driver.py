@@ -7,14 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, assert_never, get_args
+from typing import TYPE_CHECKING, Literal, assert_never, get_args
 
+from hierc.compiler.callees.callee import Extern
 from hierc.compiler.front import analyse, check_file
 from hierc.compiler.imports.modules import NO_FILES, Reader
 from hierc.compiler.model import Model
 from hierc.grammar.parser import parse
 from hierc.grammar.problems import Problem
 from hierc.grammar.source import SourceFile
+
+if TYPE_CHECKING:
+    from hierc.compiler.symbolic.derive import Symbolic
 
 Stage = Literal["ast", "model", "cascade", "symbolic", "plan", "python"]
 STAGES: tuple[Stage, ...] = get_args(Stage)
@@ -27,6 +31,7 @@ class Compiled:
     text: str
     warnings: tuple[Problem, ...]
     structural: tuple[str, ...]
+    externs: tuple[Extern, ...]  # the external functions that it imports
 
 
 def compile_source(
@@ -43,8 +48,12 @@ def compile_source(
     Raises ModelError with all problems.
     """
     model = model_of(source, experiment, params, strict_units=strict_units, reader=reader)
+    from hierc.compiler.symbolic.derive import derive
+
     structural = tuple(p.path for p in model.parameters if p.structural)
-    return Compiled(_python(model), model.warnings, structural)
+    symbolic = derive(model)
+    externs = tuple(c.callee for c in symbolic.called if isinstance(c.callee, Extern))
+    return Compiled(_python(model, symbolic), model.warnings, structural, externs)
 
 
 def model_of(
@@ -101,14 +110,15 @@ def emit(
 
             return dump_tree(plan(model, derive(model)))
         case "python":
-            return _python(model)
+            from hierc.compiler.symbolic.derive import derive
+
+            return _python(model, derive(model))
         case _ as never:
             assert_never(never)
 
 
-def _python(model: Model) -> str:
+def _python(model: Model, symbolic: Symbolic) -> str:
     from hierc.compiler.emission.emit import emit as emit_plan
     from hierc.compiler.emission.plan import plan
-    from hierc.compiler.symbolic.derive import derive
 
-    return emit_plan(plan(model, derive(model)))
+    return emit_plan(plan(model, symbolic))

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from hierc.compiler.callees.callee import Callee
 from hierc.grammar.source import Span
 
 Operator = Literal[
@@ -19,6 +20,7 @@ Operator = Literal[
     "abs", "sign", "floor", "ceil", "round", "mod", "quotient", "min", "max",
     "lt", "le", "gt", "ge", "eq", "ne", "and", "or", "not",
     "det",  # of a square matrix, row by row
+    "call",  # of a table or an external function; vectors are given element by element
     "solve",  # one unknown of a system: its number (a literal, from 0), the matrix row by row, the right-hand side
 ]  # fmt: skip
 
@@ -83,6 +85,7 @@ class Apply(Expression):
 
     op: Operator
     args: tuple[Expr, ...]
+    callee: Callee | None = None  # of `call`
 
 
 @dataclass(frozen=True, slots=True)

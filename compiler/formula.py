@@ -72,7 +72,7 @@ class Formulas:
         if expr.op in ("neg", "not"):
             text = ("-" if expr.op == "neg" else "not ") + self.text(expr.args[0], _SIGN)
             return f"({text})" if least > (4 if expr.op == "neg" else 0) else text
-        name = "div" if expr.op == "quotient" else expr.op
+        name = expr.callee.name if expr.callee else "div" if expr.op == "quotient" else expr.op
         return f"{name}({', '.join(self.text(arg) for arg in expr.args)})"
 
 

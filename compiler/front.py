@@ -20,6 +20,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
+from hierc.compiler.callees.externs import make_externs
+from hierc.compiler.callees.tables import read_tables
 from hierc.compiler.cascade.grouping import make_groups
 from hierc.compiler.cascade.proof import prove_cascade
 from hierc.compiler.collector import Collector, Rejected
@@ -116,8 +118,10 @@ def _definitions(
     library = link(files)
     names = names_of(library, problems)
     check_units(library, names, problems, strict=strict_units)
+    tables, data = read_tables(library.tables, reader, problems)
+    externs = make_externs(library.externs, problems)
     problems.stop_on_errors()
-    return library, names
+    return replace(library, callees={**tables, **externs}, sources=(*library.sources, *data)), names
 
 
 def _model(

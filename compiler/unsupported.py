@@ -47,20 +47,6 @@ class DiscreteVariable(NotSupported):
 
 
 @dataclass(frozen=True)
-class ExternalFunction(NotSupported):
-    code = "E005"
-    construct = "external functions (`extern`) are"
-    explanation = "Functions from Python modules are part of the language but not of this version."
-
-
-@dataclass(frozen=True)
-class DataTable(NotSupported):
-    code = "E006"
-    construct = "data tables (`table`) are"
-    explanation = "Interpolated tables are part of the language but not of this version."
-
-
-@dataclass(frozen=True)
 class ArrayOfAgents(NotSupported):
     code = "E007"
     construct = "arrays of agents are"

@@ -26,7 +26,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from hierc.runtime.externs import Extern
+    from hierc.runtime.tables import Table
 
 #: Version of this contract; a module made for another one is refused with a message.
 CONTRACT = 2

@@ -10,4 +10,8 @@ class RunWarning(UserWarning):
 
 
 class ExternError(RuntimeError):
-    """An external function of a model that is not there, or that did not return a number; the message names it and says why."""
+    """An external function of a model that is not there, or that did not return a number."""
+
+    def __init__(self, name: str, target: str, reason: str) -> None:
+        self.name, self.target, self.reason = name, target, reason
+        super().__init__(f"extern `{name}` ({target}): {reason}")

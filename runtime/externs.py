@@ -66,16 +66,16 @@ class Extern:
             found: Any = importlib.import_module(module)
         except ModuleNotFoundError as error:
             if error.name is not None and (module == error.name or module.startswith(f"{error.name}.")):
-                raise self._missing(f"there is no module `{error.name}`") from None
-            raise self._missing(f"module `{module}` cannot be imported: {_told(error)}") from error
+                raise self._error(f"there is no module `{error.name}`") from None
+            raise self._error(f"module `{module}` cannot be imported: {_told(error)}") from error
         except Exception as error:
-            raise self._missing(f"module `{module}` cannot be imported: {_told(error)}") from error
+            raise self._error(f"module `{module}` cannot be imported: {_told(error)}") from error
         for step in path.split("."):
             if not hasattr(found, step):
-                raise self._missing(f"`{module}` has no function `{path}`")
+                raise self._error(f"`{module}` has no function `{path}`")
             found = getattr(found, step)
         if not callable(found):
-            raise self._missing(f"`{path}` is not a function")
+            raise self._error(f"`{path}` is not a function")
         function: Callable[..., Any] = found
         return function
 
@@ -89,10 +89,10 @@ class Extern:
         except TypeError:
             wanted = "1 argument" if len(self.shapes) == 1 else f"{len(self.shapes)} arguments"
             function = self.target.partition(":")[2]
-            raise self._missing(f"`{function}{signature}` cannot be called with {wanted}") from None
+            raise self._error(f"`{function}{signature}` cannot be called with {wanted}") from None
 
-    def _missing(self, reason: str) -> ExternError:
-        return ExternError(f"extern `{self.name}` ({self.target}): {reason}")
+    def _error(self, reason: str) -> ExternError:
+        return ExternError(self.name, self.target, reason)
 
     # ---- calls ----------------------------------------------------------------------------------
 
@@ -101,13 +101,13 @@ class Extern:
         try:
             value = self.function(*self._given(args))
         except Exception as error:
-            raise ExternError(f"extern `{self.name}` ({self.target}) failed: {_told(error)}") from error
+            raise self._error(_told(error)) from error
         if isinstance(value, np.ndarray) and value.shape == () and value.dtype.kind in "biuf":
             value = value.item()
         if not isinstance(value, numbers.Real | np.bool_):
-            shown = repr(value)
+            shown = " ".join(repr(value).split())
             shown = shown if len(shown) <= 60 else f"{shown[:57]}..."
-            raise ExternError(f"extern `{self.name}` ({self.target}) returned {shown}, which is not a number")
+            raise self._error(f"returned {shown}, which is not a number")
         return float(value) * self.scale if self.scale != 1.0 else float(value)
 
     def _given(self, args: tuple[float, ...]) -> Iterator[Any]:

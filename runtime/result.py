@@ -59,6 +59,10 @@ class Run(Protocol):
         """How it ended."""
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What there was to say of it."""
+
+    @property
     def groups(self) -> Sequence[GroupTrajectory]:
         """In cascade order."""
 

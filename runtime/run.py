@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -31,6 +32,8 @@ TIGHTEN = (0.3, 0.03)
 LEAST_RTOL = 1e-14
 #: Step attempts, for each group, from which the probe learns.
 PROBE_ATTEMPTS = 24
+#: States that are looked at again after a run that used a table outside its grid.
+LOOKED_AT = 100_000
 AUTO = "auto"
 
 
@@ -124,17 +127,18 @@ class Engine:
             start, stop, settings.get("interval")
         )  # an impossible interval is refused before a long run
         chosen = group_settings(self.plan, self.wiring, settings, groups)
-        self._excursions()
         try:
             x = system.initial(start)
         except ExternError as error:
-            return FinishedRun(system, start, stop, start, Status("EXTERN_FAILED", f"at the start {error}"), ())
+            return FinishedRun(
+                system, start, stop, start, Status("EXTERN_FAILED", f"at the start {error}"), ()
+            )
         if not np.isfinite(x).all():
             return _bad_start(system, x, start, stop)
         simulation = self._begin(system, chosen, start, stop, announce)
         status = simulation.advance(progress, most_steps)
-        warnings = (*self._slow(simulation.program), *self._excursions())
         trajectories = simulation.trajectories()
+        warnings = (*self._slow(simulation.program), *self._excursions(system, start, trajectories))
         return FinishedRun(system, start, stop, simulation.reached, status, trajectories, warnings)
 
     def _begin(
@@ -160,18 +164,31 @@ class Engine:
             return probe  # it fails there again, and says so
         return probe if decided == probing else Simulation(self, system, decided, start, stop, announce)
 
-    def _excursions(self) -> list[str]:
-        """What is to be said of tables that were used outside their grids since this was asked last."""
-        for program in self.programs.values():
-            program.links.collect()
-        found = []
+    def _excursions(self, system: System, start: float, trajectories: Sequence[GroupTrajectory]) -> list[str]:
+        """What is to be said of tables that were used outside their grids.
+
+        Machine code tells whether any was, in steps that were given up too; so the steps that were kept are looked at again.
+        """
+        if not self.plan.tables:
+            return []
+        marked = [program.links.marked() for program in self.programs.values()]
         for table in self.plan.tables:
-            if places := table.excursions(table.outside):
-                found.append(
-                    f"table `{table.name}` was used outside its grid ({', '.join(places)}): there it has the value of its edge"
-                )
             table.outside[:] = [0] * len(table.outside)
-        return found
+        again = System(self.plan, system.parameters)
+        with suppress(ExternError):
+            again.initial(start)
+            if any(marked):
+                knots = np.unique(np.concatenate([g.knots for g in trajectories]))
+                most = min(max(LOOKED_AT // max(system.size, 1), 20), 1000)
+                times = knots[np.unique(np.linspace(0, len(knots) - 1, most).astype(int))]
+                states = np.hstack([g(times) for g in trajectories])
+                for time, x in zip(times, states, strict=True):
+                    again.rhs(float(time), x)
+        return [
+            f"table `{table.name}` was used outside its grid ({', '.join(places)}): there it has the value of its edge"
+            for table in self.plan.tables
+            if (places := table.excursions(table.outside))
+        ]
 
     def _slow(self, program: Program) -> list[str]:
         """What is to be said, once, of externs that are called back."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 
+from hierc.compiler.emission import callees
 from hierc.compiler.emission.function import FunctionBody
 from hierc.compiler.emission.names import class_names, function_name
 from hierc.compiler.emission.plan import Plan
@@ -55,7 +56,9 @@ def emit(plan: Plan) -> str:
             else []
         ),
         Import("hierc.runtime.contract", CONSTRUCTORS),
+        *callees.imports(plan.symbolic.called),
         Import("hierc.runtime.model", ("Model",)),
+        *callees.definitions(plan.symbolic.called),
     ]
     for name, form in zip(names, forms, strict=True):
         statements += [Blank(2), Comment(f"---- {form.template} ".ljust(90, "-"))]
@@ -73,6 +76,7 @@ def _header(plan: Plan, release: str) -> str:
             *([plan.doc, ""] if plan.doc else []),
             f"Contract {CONTRACT}; source sha256 {plan.digest}.",
             *_sources(plan),
+            *callees.listed(plan.symbolic.called),
             "Arguments: t time, x states, u inputs, d discrete variables, p values of the class, q parameters of the node.",
             "",
         ]

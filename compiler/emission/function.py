@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
+from hierc.compiler.emission.names import callee_name
 from hierc.compiler.emission.target import (
     Assign,
     Binary,
@@ -175,6 +176,11 @@ class FunctionBody:
             case "solve":
                 self._system(value, out)
                 return
+            case "call":
+                out.append(
+                    Assign(Name(self._name(value)), self._operation(value, out), self._names.get(value, ""))
+                )
+                return
             case "element":
                 self._named[value] = self._unknowns[v.args[0]][v.index].id
                 return
@@ -266,6 +272,8 @@ class FunctionBody:
                 return _whole(v.op, args[0])
             case "quotient":
                 return _whole("floor", Binary("/", args[0], args[1]))
+            case "call":
+                return Call(callee_name(v.index), tuple(args))
             case op if op in _LIBRARY:
                 return Call(f"math.{op}", tuple(args))
         return Binary(_OPERATORS[v.op], args[0], args[1])

@@ -27,3 +27,8 @@ def class_names(templates: Iterable[str]) -> tuple[str, ...]:
 def function_name(class_name: str, role: str) -> str:
     """The function of a class for a role: letters and digits without underscores, so that names cannot meet."""
     return f"{class_name}_{role}"
+
+
+def callee_name(index: int) -> str:
+    """What a table or external function is called in the module: no class has a name without an underscore."""
+    return f"callee{index}"

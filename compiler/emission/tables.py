@@ -5,6 +5,8 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 
+from hierc.compiler.callees.callee import Extern, Table
+from hierc.compiler.emission.callees import names_of
 from hierc.compiler.emission.names import function_name
 from hierc.compiler.emission.plan import Group, Node, Plan, Variable
 from hierc.compiler.emission.target import (
@@ -172,6 +174,8 @@ def _plan(plan: Plan, contract: int, release: str) -> Call:
         "start_passes": Constant(plan.start_passes),
         "experiment": Name("EXPERIMENT"),
     }
+    if called := plan.symbolic.called:
+        fields |= {"tables": names_of(called, Table), "externs": names_of(called, Extern)}
     return Call("Plan", keywords=tuple(fields.items()))
 
 

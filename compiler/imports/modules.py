@@ -56,6 +56,9 @@ class Reader(Protocol):
     def find(self, importer: str, module: str) -> SourceFile | Missing | Refused:
         """The file that the file named `importer` means by the module `a.b`."""
 
+    def data(self, importer: str, file: str) -> SourceFile | Missing | Refused:
+        """The text of a file of data that the file named `importer` names; it is never shown."""
+
     @property
     def elsewhere(self) -> Mapping[str, str]:
         """Agents and functions that could be imported, with the module of each: for advice only."""
@@ -69,6 +72,10 @@ class NoFiles:
     def find(self, importer: str, module: str) -> Missing:
         """See `Reader`."""
         return Missing(file_of(module))
+
+    def data(self, importer: str, file: str) -> Missing:
+        """See `Reader`."""
+        return Missing(file)
 
 
 NO_FILES = NoFiles()

@@ -18,7 +18,7 @@ from hierc.compiler.resolve.declarations import Library, declare
 from hierc.grammar import tree
 
 #: The parts of a library that can be imported.
-KINDS = ("consts", "funcs", "agents")
+KINDS = ("consts", "funcs", "agents", "tables", "externs")
 
 
 @dataclass(frozen=True, slots=True)

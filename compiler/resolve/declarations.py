@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from hierc.compiler import unsupported
+from hierc.compiler.callees.callee import Callee
 from hierc.compiler.collector import Collector
 from hierc.compiler.resolve.errors import DeclaredTwice
 from hierc.grammar import tree
@@ -122,7 +123,8 @@ class Agent:
 
 @dataclass(frozen=True, slots=True)
 class Library:
-    """All definitions of a file, or of several linked files; `sources` are their texts, the main one first.
+    """All definitions of a file, or of several linked files; `sources` are their texts, the main one first, then those of data. `callees` are the
+    tables and external functions once they have been read.
 
     Of a file that imports others there is also the library of all that it sees, by the names that it uses: `modules` are those of imported files.
     `elsewhere` says of names that could be imported in which module they are, for advice.
@@ -136,6 +138,17 @@ class Library:
     sources: tuple[SourceFile, ...]
     modules: frozenset[str] = frozenset()
     elsewhere: Mapping[str, str] = field(default_factory=dict)
+    tables: Mapping[str, tree.Table] = field(default_factory=dict)
+    externs: Mapping[str, tree.Extern] = field(default_factory=dict)
+    callees: Mapping[str, Callee] = field(default_factory=dict)
+
+    def signature(self, name: str) -> tree.Table | tree.Extern | None:
+        """The declaration of a table or external function."""
+        return self.tables.get(name) or self.externs.get(name)
+
+    def functions(self) -> tuple[str, ...]:
+        """The names of all that can be called."""
+        return (*self.funcs, *self.tables, *self.externs)
 
     def own_agents(self) -> tuple[str, ...]:
         """The agents that the main file defines."""
@@ -150,6 +163,8 @@ def declare(file: tree.File, problems: Collector) -> Library:
     funcs: dict[str, tree.Func] = {}
     agents: dict[str, Agent] = {}
     experiments: dict[str, tree.Experiment] = {}
+    tables: dict[str, tree.Table] = {}
+    externs: dict[str, tree.Extern] = {}
     for item in file.items:
         match item:
             case tree.Const(name=name) if values.new(name):
@@ -166,13 +181,17 @@ def declare(file: tree.File, problems: Collector) -> Library:
             case tree.FromImport(names=names):
                 for name in names:
                     values.new(name)
-            case tree.Extern(name=name):
-                problems.add(unsupported.ExternalFunction(name.span))
-            case tree.Table(name=name):
-                problems.add(unsupported.DataTable(name.span))
+            case tree.Extern(name=name) if values.new(name):
+                _check_params(item.params, problems)
+                externs[name.text] = item
+            case tree.Table(name=name) if values.new(name):
+                _check_params(item.params, problems)
+                tables[name.text] = item
             case _:
                 pass  # declared twice: reported
-    return Library(file, consts, funcs, agents, experiments, (file.source,))
+    return Library(
+        file, consts, funcs, agents, experiments, (file.source,), tables=tables, externs=externs
+    )
 
 
 class _Names:

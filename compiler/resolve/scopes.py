@@ -86,8 +86,12 @@ class FileScope:
         name = call.function.text
         if name in LATER_FUNCTIONS:
             self.problems.add(unsupported.Function(call.function.span, use=f"`{name}`"))
+        elif (outside := self.library.signature(name)) is not None:
+            if self.place == "a constant":
+                kind = "a table" if isinstance(outside, tree.Table) else "an external function"
+                self.problems.add(NotAConstant(call.span, name=f"`{name}`", kind=kind, place=self.place))
         elif name not in self.library.funcs and name not in BUILT_IN_FUNCTIONS:
-            names, module = (*self.library.funcs, *BUILT_IN_FUNCTIONS), self.library.elsewhere.get(name)
+            names, module = (*self.library.functions(), *BUILT_IN_FUNCTIONS), self.library.elsewhere.get(name)
             self.problems.add(UnknownFunction(call.function.span, name=name, candidates=names, module=module))
 
     def _reference(self, ref: tree.Ref, bound: frozenset[str]) -> None:
@@ -104,7 +108,7 @@ class FileScope:
         if known and not any(step.subs for step in ref.path.steps[:-1]):
             return
         kinds: tuple[tuple[Container[str], str], ...] = (
-            (self.library.funcs, "a function"), (self.library.agents, "an agent"),
+            (self.library.functions(), "a function"), (self.library.agents, "an agent"),
             (self.library.experiments, "an experiment"), (self.library.modules, "an imported file"),
         )  # fmt: skip
         for names, kind in kinds:

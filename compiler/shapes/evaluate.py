@@ -24,7 +24,7 @@ from hierc.compiler.shapes.errors import (
     WrongIndexCount,
 )
 from hierc.compiler.shapes.folding import constant
-from hierc.compiler.shapes.functions import MAX_ELEMENTS, call_built_in
+from hierc.compiler.shapes.functions import MAX_ELEMENTS, call_built_in, call_callee
 from hierc.compiler.shapes.operations import Sharing, binary, condition, unary
 from hierc.compiler.shapes.values import (
     Scalar,
@@ -299,7 +299,12 @@ def _filled(value: Value, shape: Shape, node: tree.Node) -> tuple[str, ...]:
 
 def _call(call: tree.Call, env: Environment) -> Value:
     values = tuple(evaluate(arg, env) for arg in call.args)
-    func = env.library.funcs.get(call.function.text)
+    name = call.function.text
+    if env.library.signature(name) is not None:
+        if name not in env.library.callees:
+            raise Rejected  # reported where it is declared
+        return call_callee(call, env.library.callees[name], values)
+    func = env.library.funcs.get(name)
     if func is None:
         return call_built_in(call, values, env.sharing)
     return _inlined(call, func, values, env)

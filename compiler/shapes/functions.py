@@ -8,14 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from hierc.compiler.callees.callee import Callee
 from hierc.compiler.collector import Rejected
-from hierc.compiler.expression import Expr, Number, Operator
+from hierc.compiler.expression import Apply, Expr, Number, Operator
 from hierc.compiler.resolve.errors import ModelTooLarge
 from hierc.compiler.shapes import matrices
 from hierc.compiler.shapes.errors import MatrixTooLarge, NotAKnownInteger, WrongArguments
 from hierc.compiler.shapes.folding import constant
 from hierc.compiler.shapes.operations import Sharing, chained, inner_product
-from hierc.compiler.shapes.values import Value, apply, joined, number, scalar_of
+from hierc.compiler.shapes.values import Value, apply, joined, number, scalar_of, type_text
 from hierc.grammar import tree
 from hierc.grammar.source import Span
 
@@ -60,6 +61,18 @@ class Arguments:
 def call_built_in(call: tree.Call, values: tuple[Value, ...], sharing: Sharing) -> Value:
     """The value of a built-in function."""
     return BUILT_IN_FUNCTIONS[call.function.text](Arguments(call, values, sharing))
+
+
+def call_callee(call: tree.Call, callee: Callee, values: tuple[Value, ...]) -> Value:
+    """The value of a table or an external function: one number."""
+    if tuple(v.shape for v in values) != callee.shapes or any(v.scalar == "bool" for v in values):
+        wanted = f"({', '.join(type_text('real', shape) for shape in callee.shapes)})"
+        given = tuple(v.type for v in values)
+        raise Rejected(
+            WrongArguments(call.span, function=call.function.text, wanted=wanted, given=given)
+        )
+    scalars = tuple(e for v in values for e in v.elements)
+    return scalar_of("real", Apply(call.span, "call", scalars, callee))
 
 
 # ---- scalars ------------------------------------------------------------------------------------------------------------------------

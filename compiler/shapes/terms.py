@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from hierc.compiler.expression import Apply, Choose, Expr
 
@@ -48,7 +49,7 @@ def _rebuilt(expr: Expr, parts: tuple[Expr, ...]) -> Expr:
         condition, then, other = parts
         return Choose(expr.span, condition, then, other)
     if isinstance(expr, Apply):
-        return Apply(expr.span, expr.op, parts)
+        return replace(expr, args=parts)
     return expr
 
 

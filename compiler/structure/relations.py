@@ -1,7 +1,7 @@
 """Relations: where the right-hand sides of a model jump during a run.
 
 In: the nodes of a model. Out: a warning at each `if` whose condition changes while time goes on, and at each `sign`, `floor`, `ceil`, `round`,
-`mod` and `div` of something that changes, in what is integrated. Such places are integrated through, by small steps where the method notices
+`mod`, `div` and `hold` table of something that changes, in what is integrated. Such places are integrated through, by small steps where the method notices
 them; they are not located yet.
 """
 
@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import cache
 
 from hierc.compiler import unsupported
+from hierc.compiler.callees.callee import Table
 from hierc.compiler.collector import Collector
 from hierc.compiler.expression import Apply, Choose, Expr, Input, Local, Number, Parameter, Rate, State, Time
 from hierc.compiler.model import Node
@@ -43,6 +44,11 @@ def told_once(problems: Sequence[Problem]) -> tuple[Problem, ...]:
         else:
             result.append(problem)
     return tuple(result)
+
+
+def _holds(e: Apply) -> bool:
+    """Whether it is a table that jumps from value to value."""
+    return isinstance(e.callee, Table) and e.callee.method == "hold"
 
 
 def _outermost(spans: Iterable[Span]) -> Iterator[Span]:
@@ -83,7 +89,7 @@ def _jumps(node: Node, published: Iterable[int]) -> Iterator[Choose | Apply]:
                     stack += [then, other]
                 stack.append(condition)
             case Apply(op=op, args=args) as e:
-                if op in _JUMPING and varies(e):
+                if (op in _JUMPING or _holds(e)) and varies(e):
                     yield e
                 stack += args
             case Local(index=index) if index not in visited:

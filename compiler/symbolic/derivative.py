@@ -15,13 +15,17 @@ import heapq
 import math
 from collections.abc import Callable, Collection, Iterable, Sequence
 
+from hierc.compiler.callees.callee import Extern, Table
 from hierc.compiler.symbolic.errors import TooLarge
-from hierc.compiler.symbolic.graph import BOOLEAN, Depends, Graph, Value
+from hierc.compiler.symbolic.graph import BOOLEAN, Called, Depends, Graph, Value
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import Span
 
 #: Choices to differentiate in one class; one that stands in several branches counts in each.
 CHOICES = 10_000
+
+#: Relative step of central differences: the third root of the spacing of doubles, where truncation and rounding are alike.
+STEP = 2.0**-17
 
 #: Derivatives of one value: by which value, and the value of the derivative.
 Gradient = dict[int, int]
@@ -246,6 +250,8 @@ def _partials(graph: Graph, value: int) -> Gradient:
         return {}
     if v.op == "det":
         return _of_determinant(graph, value)
+    if v.op == "call":
+        return _of_call(graph, value)
     total: Gradient = {}
     one = graph.number(1.0)
     for k, argument in enumerate(v.args):
@@ -264,6 +270,44 @@ def _of_determinant(graph: Graph, value: int) -> Gradient:
             of_inverse = _of_inverse(graph, factors, place % n, place // n)
             _accumulate(graph, total, _times(graph, value, of_inverse), {entry: graph.number(1.0)})
     return total
+
+
+def _of_call(graph: Graph, value: int) -> Gradient:
+    """Derivatives of a table, which it has itself, and of an external function, by central differences."""
+    v = graph.values[value]
+    called = graph.called[v.index]
+    total: Gradient = {}
+    for place, argument in enumerate(v.args):
+        if not graph.depends[argument] & Depends.COLUMNS:
+            continue
+        slope = _slope(graph, called, v.args, place)
+        _accumulate(graph, total, slope, {argument: graph.number(1.0)})
+    return total
+
+
+def _slope(graph: Graph, called: Called, args: Sequence[int], place: int) -> int:
+    """The derivative of a call by one of its arguments."""
+    match called:
+        case Called(callee=Table(method="hold")):
+            return graph.number(0.0)
+        case Called(callee=Table() as table, by=None):
+            return graph.call(table, args, place)
+        case Called(callee=Extern() as extern):
+            return _difference(graph, extern, args, place)
+        case _:
+            raise ValueError("a table was differentiated twice")
+
+
+def _difference(graph: Graph, extern: Extern, args: Sequence[int], place: int) -> int:
+    """(f(x + h) - f(x - h))/2h, h being `STEP` times the argument's size and one of its unit."""
+    x = args[place]
+    size = graph.apply("add", graph.apply("abs", x), graph.number(extern.scale_of_scalar(place)))
+    h = graph.apply("mul", graph.number(STEP), size)
+    above, below = (
+        graph.call(extern, (*args[:place], graph.apply(op, x, h), *args[place + 1 :]))
+        for op in ("add", "sub")
+    )
+    return graph.apply("div", graph.apply("sub", above, below), graph.apply("mul", graph.number(2.0), h))
 
 
 #: By argument: makes the derivative by it.

@@ -15,7 +15,7 @@ from typing import Literal
 from hierc.compiler.model import Model, Node, Source
 from hierc.compiler.symbolic.algebra import tidy
 from hierc.compiler.symbolic.derivative import jacobian
-from hierc.compiler.symbolic.graph import Graph, Value
+from hierc.compiler.symbolic.graph import Called, Graph, Value
 from hierc.compiler.symbolic.lower import Lowering
 from hierc.compiler.symbolic.reduce import constants, expand, replace
 from hierc.compiler.symbolic.schedule import Program, flops, schedule
@@ -87,6 +87,7 @@ class Symbolic:
     defaults: tuple[
         tuple[int, Program], ...
     ]  # for each scalar parameter: its entry, and a program that sets it
+    called: tuple[Called, ...]  # tables and external functions that programs call
 
 
 def derive(model: Model) -> Symbolic:
@@ -101,7 +102,7 @@ def derive(model: Model) -> Symbolic:
         for k, n in enumerate(firsts)
     )
     defaults = _defaults(graph, model)
-    return Symbolic(tuple(graph.values), forms, kinds, defaults)
+    return Symbolic(tuple(graph.values), forms, kinds, defaults, tuple(graph.called))
 
 
 # ---- classes ----------------------------------------------------------------------------

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from enum import IntFlag
 
 from hierc.compiler import exact
+from hierc.compiler.callees.callee import Callee, Table
 from hierc.compiler.symbolic.errors import OutOfRange, TooLarge
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import Span
@@ -63,7 +64,7 @@ SYSTEMS = frozenset({"factor", "solve", "element", "det"})  # infinite or NaN wh
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """An operation on earlier values, or a leaf: literal `number`, or entry `index` of an array; `element`: unknown `index`.
+    """An operation on earlier values, or a leaf: literal `number`, or entry `index` of an array; `element`: unknown `index`; `call`: of callee `index`.
 
     `size`: rows of the matrix, where it is about one.
     """
@@ -78,6 +79,14 @@ class Value:
     def entries(self) -> int:
         """How many doubles it takes, kept in an array: factors are n rows of n + 1, and the determinant."""
         return self.size * (self.size + 1) + 1 if self.op in ("factor", "factors") else 1
+
+
+@dataclass(frozen=True, slots=True)
+class Called:
+    """What a `call` calls: a table or external function, or the derivative of a table by argument `by`."""
+
+    callee: Callee
+    by: int | None
 
 
 def _sign(x: float) -> float:
@@ -108,6 +117,7 @@ class Graph:
 
     def __init__(self) -> None:
         self.values: list[Value] = []
+        self.called: list[Called] = []
         self.depends: list[Depends] = []
         self._spans: list[Span | None] = []
         self._numbers: dict[object, int] = {}
@@ -177,8 +187,22 @@ class Graph:
                 return self.factor(args)
             case "solve" | "element" | "det":
                 return self._system(v.op, args, v.index)
+            case "call":
+                called = self.called[v.index]
+                return self.call(called.callee, args, called.by)
             case _:
                 return self.apply(v.op, *args)
+
+    # ---- tables and external functions ------------------------------------------
+
+    def call(self, callee: Callee, args: Sequence[int], by: int | None = None) -> int:
+        """A table or external function, or a table's derivative by argument `by`. Of literals it is computed once a run."""
+        called = Called(callee, by)
+        if called not in self.called:
+            self.called.append(called)
+        index = self.called.index(called)
+        depends = self._joined(args) | Depends.PARAMETER
+        return self._intern(("call", index, tuple(args)), Value("call", tuple(args), index=index), depends)
 
     # ---- systems of equations ---------------------------------------------------
 
@@ -272,6 +296,8 @@ class Graph:
         v = self.values[value]
         if v.op == "div":
             return self.literal(v.args[1]) not in (None, 0.0)
+        if v.op == "call":
+            return isinstance(self.called[v.index].callee, Table)
         return not v.args or v.op in _TOTAL or v.op in SYSTEMS
 
     def reach(self, roots: Iterable[int]) -> list[int]:

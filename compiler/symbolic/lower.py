@@ -77,6 +77,8 @@ class Lowering:
             case Apply(op="solve", args=(Number(value=index), *_)):
                 n = math.isqrt(len(parts) - 1)  # n*n + n is less than (n + 1)^2
                 return graph.unknown(graph.factor(parts[1 : 1 + n * n]), parts[1 + n * n :], int(index))
+            case Apply(op="call", callee=callee) if callee is not None:
+                return graph.call(callee, parts)
             case Apply(op=op):
                 return graph.apply(op, *parts)
             case Choose():

@@ -91,6 +91,9 @@ def _declared_units(library: Library) -> Iterator[tree.Unit]:
     """All units of declarations, in the order of the text within each kind."""
     found = [const.unit for const in library.consts.values()]
     found += [param.unit for func in library.funcs.values() for param in func.params]
+    outsides: list[tree.Table | tree.Extern] = [*library.tables.values(), *library.externs.values()]
+    for outside in outsides:
+        found += [outside.unit, *(param.unit for param in outside.params)]
     for agent in library.agents.values():
         found += [param.unit for param in agent.params.values()]
         found += [const.unit for const in agent.consts.values()]

@@ -230,6 +230,11 @@ class Inference:
     # ---- calls ----------------------------------------------------------------------------------------------------------------------
 
     def _call(self, call: tree.Call, args: tuple[Operand, ...]) -> Quantity:
+        outside = self.shared.library.signature(call.function.text)
+        if outside is not None:
+            for param, argument in zip(outside.params, args, strict=False):
+                self._argument(outside, param, argument)
+            return declared(outside.unit, "real")
         func = self.shared.library.funcs.get(call.function.text)
         if func is None:
             return functions.value_of(functions.Call(call, args, self.shared.rules, self.inside))
@@ -243,7 +248,9 @@ class Inference:
             self.shared.calls[key] = inner.quantity(func.body)
         return self.shared.calls[key]
 
-    def _argument(self, func: tree.Func, param: tree.Param, given: Operand) -> Quantity:
+    def _argument(
+        self, func: tree.Func | tree.Table | tree.Extern, param: tree.Param, given: Operand
+    ) -> Quantity:
         """What a parameter is in for this call; reports an argument that is not in the declared unit."""
         wanted = declared(param.unit, param.type.scalar)
         if param.unit is None:

@@ -62,7 +62,7 @@ class Links:
 
     def __init__(self, code: Loaded) -> None:
         self._code = code
-        self._marks: list[tuple[Table, Any]] = []
+        self._marks: list[Any] = []
         #: The externs that are called back.
         self.called_back: dict[Extern, None] = {}
 
@@ -71,18 +71,18 @@ class Links:
         for name, callee in callees.items():
             if isinstance(callee, Table):
                 address = self._code.variable(f"{label}_{name}_outside")
-                marks = (ctypes.c_int64 * (2 * len(callee.axes))).from_address(address)
-                self._marks.append((callee, marks))
+                self._marks.append((ctypes.c_int64 * (2 * len(callee.axes))).from_address(address))
             elif isinstance(callee.translation, str):
                 slot = ctypes.c_int64.from_address(self._code.variable(f"{label}_{name}_callback"))
                 slot.value = ctypes.cast(callee.callback, ctypes.c_void_p).value or 0
                 self.called_back[callee] = None
 
-    def collect(self) -> None:
-        """Tell the tables where machine code used them outside their grids since the last time."""
-        for table, marks in self._marks:
-            table.outside[:] = [int(bool(old or new)) for old, new in zip(table.outside, marks, strict=True)]
+    def marked(self) -> bool:
+        """Whether machine code used a table outside its grid since this was asked last."""
+        found = any(any(marks) for marks in self._marks)
+        for marks in self._marks:
             marks[:] = [0] * len(marks)
+        return found
 
 
 class _Emitter:

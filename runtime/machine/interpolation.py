@@ -13,6 +13,8 @@ from __future__ import annotations
 from hierc.runtime.machine.dialect import Array, exact
 
 HOLD, LINEAR, CUBIC = 0, 1, 2
+#: Part of the grid by which a point may lie outside without a mark: a rounding error is no excursion.
+SLACK = 1e-9
 
 
 @exact
@@ -36,14 +38,17 @@ def interpolate(
         last = first + sizes[k] - 1
         at = x[k]
         inside = 1.0
+        slack = SLACK * (knots[last] - knots[first])
         if at < knots[first]:
+            if at < knots[first] - slack:
+                outside[2 * k] = 1
             at = knots[first]
             inside = 0.0
-            outside[2 * k] = 1
         elif at > knots[last]:
+            if at > knots[last] + slack:
+                outside[2 * k + 1] = 1
             at = knots[last]
             inside = 0.0
-            outside[2 * k + 1] = 1
         low = interval(knots, first, last, at)
         width = knots[low + 1] - knots[low]
         s = (at - knots[low]) / width

@@ -209,8 +209,9 @@ class _Translator:
                 made = ast.BoolOp(op, [self.condition(value, known) for value in values])
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 made = ast.UnaryOp(ast.Not(), self.condition(operand, known))
-            case _:
-                _refuse(node, "only comparisons are compiled as conditions")
+            case _:  # any number but zero is true
+                zero = ast.copy_location(ast.Constant(0.0), node)
+                made = ast.Compare(self.number(node, known), [ast.NotEq()], [zero])
         return ast.copy_location(made, node)
 
     def constant(self, node: ast.expr, value: object) -> ast.expr:

@@ -16,6 +16,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import catch_warnings, simplefilter
 
 from hierc import loader
 from hierc.exits import INTERRUPTED, NUMERICAL_FAILURE, OK, USAGE, UsageError
@@ -192,7 +193,7 @@ def _is_value(value: object) -> bool:
 
 
 def _simulate(model: Model, arguments: Namespace) -> Result:
-    from hierc.runtime.errors import SettingError
+    from hierc.runtime.errors import ExternError, RunWarning, SettingError
     from hierc.runtime.result import Interrupted, SimulationError
 
     settings = {name: getattr(arguments, name) for name in _SETTINGS if getattr(arguments, name) is not None}
@@ -202,12 +203,14 @@ def _simulate(model: Model, arguments: Namespace) -> Result:
             "how long should it run? give --stop SECONDS, or name an experiment that has a `stop`"
         )
     start = settings.get("start", model.plan.experiment.settings.get("start", 0.0))
-    with Progress(model.plan.name, start, stop, shown=not arguments.quiet) as progress:
+    shown = not arguments.quiet
+    with Progress(model.plan.name, start, stop, shown=shown) as progress, catch_warnings():
         try:
+            simplefilter("ignore", RunWarning)  # the report has them
             return model.simulate(**settings, progress=progress, announce=None if arguments.quiet else say)
         except (SimulationError, Interrupted) as error:
             return error.result
-        except SettingError as error:
+        except (SettingError, ExternError) as error:
             raise UsageError(str(error)) from error
 
 
@@ -236,6 +239,7 @@ def summary(result: Result, loaded: loader.Loaded, written: Written) -> dict[str
         "files": list(written.files),
         "not_written": list(written.failures),
         "warnings": [warned.data for warned in loaded.warnings],
+        "run_warnings": list(result.warnings),
     }
 
 
@@ -261,6 +265,8 @@ def _report(result: Result, loaded: loader.Loaded, compiling: float, running: fl
         show_groups(result.stats)
     elif result.status.ok:
         say("  no states: nothing to integrate")
+    for text in result.warnings:
+        say(f"warning: {text}")
     for name, value in result.params.items():
         anew = ", recompiled for it" if loaded.compiled and name in loaded.model.built else ""
         say(f"set: {name} = {value}{anew}")

@@ -12,15 +12,16 @@ import hashlib
 import importlib.util
 import json
 import linecache
-from collections.abc import Mapping
-from contextlib import suppress
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, cast
 
 from hierc.finder import Finder, Seen, unchanged
-from hierc.runtime.errors import SettingError
+from hierc.runtime.errors import ExternError, SettingError
 from hierc.runtime.files import cache_folder, write_whole
 from hierc.version import __version__
 
@@ -133,7 +134,8 @@ def prepare(
 ) -> Loaded:
     """The runnable model of a file; see `load`."""
     store = _Store.open(text, experiment, strict_units) if cache else None
-    found = store.find(params) if store else None
+    with _modules_beside(text.finder.folder):
+        found = store.find(params) if store else None
     if found is not None:
         with suppress(SettingError):  # a parameter that does not fit: the compiler words it
             return Loaded(_with_values(found.model, params), found.warnings, compiled=False)
@@ -144,8 +146,27 @@ def prepare(
     warnings = tuple(Warned(render(problem), to_json(problem)) for problem in made.warnings)
     if store is not None:
         store.keep(params, _Made(frozenset(made.structural), text.finder.seen), made.text, warnings)
-    model = run_module(made.text, text.source.name).MODEL
+    try:
+        with _modules_beside(text.finder.folder):
+            model = run_module(made.text, text.source.name).MODEL
+    except ExternError as error:
+        from hierc.compiler.callees.errors import WrongExtern
+        from hierc.grammar.problems import ModelError
+
+        span = next(e.span for e in made.externs if e.name == error.name)
+        raise ModelError([WrongExtern(span, error.name, error.target, error.reason)]) from error
     return Loaded(_with_values(model, params), warnings, compiled=True)
+
+
+@contextmanager
+def _modules_beside(folder: Path) -> Iterator[None]:
+    """While external functions are imported, modules that stand beside the model are found too, after all others."""
+    sys.path.append(str(folder))
+    try:
+        yield
+    finally:
+        with suppress(ValueError):
+            sys.path.remove(str(folder))
 
 
 def run_module(text: str, name: str) -> ModuleType:
@@ -215,7 +236,7 @@ class _Store:
         folder = cache_folder("models")
         source = text.source
         start = (
-            text.finder.start if "import" in source.text else ()
+            text.finder.start if "import" in source.text or "table" in source.text else ()
         )  # else it matters to nothing where the file is
         key = [__version__, _compiler_digest(), source.name, source.text, experiment, strict_units, start]
         return None if folder is None else cls(folder, _digest(json.dumps(key))[:24])

@@ -19,7 +19,7 @@ from hierc.grammar.render import render_all
 from hierc.grammar.source import SourceFile
 
 CASES = sorted((Path(__file__).parent / "problems").glob("*.hier"))
-PHASES = ("resolve", "shapes", "units", "equations", "cascade", "structure")
+PHASES = ("callees", "resolve", "shapes", "units", "equations", "cascade", "structure")
 
 
 def problems_of(text: str, name: str = "test.hier", **choice: object) -> tuple[Problem, ...]:
