@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from hierc.grammar.problems import Label, Problem
+from hierc.grammar.problems import Edit, Label, Problem, in_place_of
 from hierc.grammar.source import Span
 
 # ---- characters and literals --------------------------------------------------------------------
@@ -18,6 +18,7 @@ class UnexpectedCharacter(Problem):
 
     text: str
     advice: tuple[str, ...] = ()
+    replacement: tuple[Edit, ...] = ()
 
     def title(self) -> str:
         if len(self.text) == 1:
@@ -27,14 +28,26 @@ class UnexpectedCharacter(Problem):
     def help(self) -> tuple[str, ...]:
         return self.advice
 
+    def edits(self) -> tuple[Edit, ...]:
+        return self.replacement
+
 
 @dataclass(frozen=True)
 class StrangeName(Problem):
     code = "E106"
     explanation = "Letters beyond ASCII are easily confused, and some tools silently change them."
 
+    #: The same in ASCII letters, where that can be told.
+    instead: str = ""
+
     def title(self) -> str:
         return "names are made of ASCII letters, digits and `_`"
+
+    def help(self) -> tuple[str, ...]:
+        return (f"write `{self.instead}`",) if self.instead else ()
+
+    def edits(self) -> tuple[Edit, ...]:
+        return in_place_of(self.span, self.instead) if self.instead else ()
 
 
 @dataclass(frozen=True)
@@ -51,6 +64,9 @@ class ReservedWord(Problem):
 
     def help(self) -> tuple[str, ...]:
         return (f"rename it, for example `{self.word}_`",)
+
+    def edits(self) -> tuple[Edit, ...]:
+        return in_place_of(self.span, f"{self.word}_")
 
 
 @dataclass(frozen=True)
@@ -76,9 +92,14 @@ class NumberWithoutDigit(Problem):
         return f"a number needs a digit {'before' if self.digit_is_missing_before else 'after'} the decimal point"
 
     def help(self) -> tuple[str, ...]:
-        if self.digit_is_missing_before:
-            return (f"write `0{self.written}`",)
-        return (f"write `{self.written.replace('.', '.0', 1)}`",)
+        return (f"write `{self._mended}`",)
+
+    def edits(self) -> tuple[Edit, ...]:
+        return in_place_of(self.span, self._mended)
+
+    @property
+    def _mended(self) -> str:
+        return f"0{self.written}" if self.digit_is_missing_before else self.written.replace(".", ".0", 1)
 
 
 @dataclass(frozen=True)
@@ -131,6 +152,8 @@ class UnexpectedToken(Problem):
     found: str
     advice: tuple[str, ...] = ()
     opener: Span | None = None
+    replacement: tuple[Edit, ...] = ()
+    form: str = ""
 
     def title(self) -> str:
         expected = f"expected {self.expected}" if self.expected else f"unexpected {self.found}"
@@ -144,6 +167,12 @@ class UnexpectedToken(Problem):
     def help(self) -> tuple[str, ...]:
         return self.advice
 
+    def notes(self) -> tuple[str, ...]:
+        return (self.form,) if self.form else ()
+
+    def edits(self) -> tuple[Edit, ...]:
+        return self.replacement
+
 
 @dataclass(frozen=True)
 class MissingSemicolon(Problem):
@@ -155,6 +184,9 @@ class MissingSemicolon(Problem):
 
     def remark(self) -> str:
         return "add `;` here"
+
+    def edits(self) -> tuple[Edit, ...]:
+        return in_place_of(self.span, ";")
 
 
 @dataclass(frozen=True)
@@ -171,6 +203,9 @@ class UnclosedBrace(Problem):
     def labels(self) -> tuple[Label, ...]:
         return (Label(self.seen, self.seen_as),)
 
+    def edits(self) -> tuple[Edit, ...]:
+        return in_place_of(Span(self.seen.file, self.seen.start, self.seen.start), "}\n")
+
 
 @dataclass(frozen=True)
 class AssignmentSign(Problem):
@@ -183,12 +218,16 @@ class AssignmentSign(Problem):
     sign: str
 
     def title(self) -> str:
-        other = (
-            "`==` compares"
-            if self.sign == "=="
-            else "`:=` is for `do` and `sample` assignments and couplings"
-        )
-        return f"{self.subject} use `=`; {other}"
+        match self.sign:
+            case "==":
+                return f"{self.subject} use `=`; `==` compares"
+            case ":=":
+                return f"{self.subject} use `=`; `:=` is for `do` and `sample` assignments and couplings"
+            case other:
+                return f"{self.subject} use `=`, not `{other}`"
+
+    def edits(self) -> tuple[Edit, ...]:
+        return in_place_of(self.span, " =" if self.sign == ":" else "=")
 
 
 @dataclass(frozen=True)
@@ -201,17 +240,31 @@ class EquationSign(Problem):
     def title(self) -> str:
         return "assignments and couplings use `:=`"
 
+    def edits(self) -> tuple[Edit, ...]:
+        colon = self.span is not None and self.span.text == ":"
+        return in_place_of(self.span, " :=" if colon else ":=")
+
 
 @dataclass(frozen=True)
 class MisplacedUnit(Problem):
     code = "E115"
     explanation = "The unit of an expression follows from its parts."
 
+    #: What it follows, as far as that can be told.
+    operand: Span | None = None
+
     def title(self) -> str:
         return "a unit may follow only a number or a declared name"
 
     def help(self) -> tuple[str, ...]:
-        return ("multiply: `(a + b)*1 [1/s]`, or give the numbers their own units",)
+        operand = "(a + b)" if self.operand is None else " ".join(self.operand.text.split())
+        unit = "[1/s]" if self.span is None else self.span.text
+        return (f"multiply: `{operand}*1 {unit}`, or give the numbers their own units",)
+
+    def edits(self) -> tuple[Edit, ...]:
+        if self.operand is None or self.span is None:
+            return ()
+        return in_place_of(Span(self.span.file, self.operand.stop, self.span.stop), f"*1 {self.span.text}")
 
 
 @dataclass(frozen=True)
@@ -255,12 +308,17 @@ class ChainedComparison(Problem):
     explanation = "A comparison is true or false, and truth is not compared with a number."
 
     instead: str
+    #: All of the chain that `instead` replaces.
+    chain: Span | None = None
 
     def title(self) -> str:
         return "comparisons do not chain"
 
     def help(self) -> tuple[str, ...]:
         return (f"write `{self.instead}`",)
+
+    def edits(self) -> tuple[Edit, ...]:
+        return in_place_of(self.chain, self.instead)
 
 
 @dataclass(frozen=True)
@@ -283,12 +341,18 @@ class HalfAUnit(Problem):
     explanation = "A unit stands in brackets after a declared name or a number."
 
     unit: str
+    #: What to write, where more than the unit is shown, with its edits.
+    instead: str = ""
+    replacement: tuple[Edit, ...] = ()
 
     def title(self) -> str:
         return "a unit stands between `[` and `]`"
 
     def help(self) -> tuple[str, ...]:
-        return (f"write `[{self.unit}]`",)
+        return (f"write `{self.instead or f'[{self.unit}]'}`",)
+
+    def edits(self) -> tuple[Edit, ...]:
+        return self.replacement or in_place_of(self.span, f"[{self.unit}]")
 
 
 # ---- habits of other languages ------------------------------------------------------------------
@@ -307,6 +371,9 @@ class CharonDerivative(Problem):
     def help(self) -> tuple[str, ...]:
         return (f"write `{self.variable}' = …;`",)
 
+    def edits(self) -> tuple[Edit, ...]:
+        return in_place_of(self.span, f"{self.variable}' =")
+
 
 @dataclass(frozen=True)
 class CharonControlPoint(Problem):
@@ -323,18 +390,45 @@ class CharonControlPoint(Problem):
 
 
 @dataclass(frozen=True)
+class MisplacedStatement(Problem):
+    code = "E122"
+    explanation = (
+        "Definitions stand at the top of a file, declarations and blocks in an agent, equations under `diff` and `alge`, assignments in "
+        "`do` and `sample` blocks, settings in an experiment: so each statement is found where it is looked for."
+    )
+
+    what: str
+    here: str
+    advice: str
+    replacement: tuple[Edit, ...] = ()
+
+    def title(self) -> str:
+        return f"{self.what} cannot stand {self.here}"
+
+    def help(self) -> tuple[str, ...]:
+        return (self.advice,)
+
+    def edits(self) -> tuple[Edit, ...]:
+        return self.replacement
+
+
+@dataclass(frozen=True)
 class ModelicaForm(Problem):
     code = "E192"
     explanation = "Modelica's acausal connectors and classes have no counterpart: data flow here has a direction, and levels an order."
 
     word: str
     instead: str
+    replacement: tuple[Edit, ...] = ()
 
     def title(self) -> str:
         return f"`{self.word}` is Modelica"
 
     def help(self) -> tuple[str, ...]:
         return (self.instead,)
+
+    def edits(self) -> tuple[Edit, ...]:
+        return self.replacement
 
 
 @dataclass(frozen=True)

@@ -11,54 +11,11 @@ import re
 from lark import Token
 
 from hierc.grammar import errors
-from hierc.grammar.situation import Repair, Rule, Situation, general, on_to_the_brace
+from hierc.grammar.forms import block, general, on_to_the_brace
+from hierc.grammar.situation import Repair, Rule, Situation
 from hierc.grammar.source import Span
-from hierc.grammar.words import JUNK
 
-# ---- signs --------------------------------------------------------------------------------------
-
-#: Signs with what to write instead and the terminal to read on with.
-_SIGNS = {
-    "&&": ("write `and`", "AND"),
-    "||": ("write `or`", "OR"),
-    "&": ("write `and`", "AND"),
-    "|": ("write `or`", "OR"),
-    "!": ("write `not`", "NOT"),
-    "%": ("write `mod(a, b)`", "MUL"),
-    "\\": ("division is written `/`", "MUL"),
-}
-
-
-def _comment(at: Situation) -> Repair | None:
-    """`# …`, or `% …` where no operator can stand."""
-    if at.found.type != JUNK or not (at.found == "#" or (at.found == "%" and not at.fits("MUL"))):
-        return None
-    problem = errors.UnexpectedCharacter(at.place, str(at.found), ("comments begin with `//`",))
-    end = at.source.text.find("\n", at.start)
-    return Repair(problem, (), end if end >= 0 else len(at.source.text), sure=True)
-
-
-def _sign(at: Situation) -> Repair | None:
-    match = at.matched(r"&&|\|\||.")
-    if at.found.type != JUNK or match is None or match.group() not in _SIGNS:
-        return None
-    advice, terminal = _SIGNS[match.group()]
-    problem = errors.UnexpectedCharacter(Span(at.source, *match.span()), match.group(), (advice,))
-    return Repair(problem, (terminal,) if at.fits(terminal) else (), match.end(), sure=True)
-
-
-def _ternary(at: Situation) -> Repair | None:
-    if at.found.type != JUNK or at.found != "?":
-        return None
-    problem = errors.UnexpectedCharacter(at.place, "?", ("write `if … then … else …`",))
-    return Repair(problem, None, at.start)
-
-
-def _power(at: Situation) -> Repair | None:
-    previous = at.previous
-    if previous is None or not previous == at.found == "*" or previous.end_pos != at.start:
-        return None
-    return Repair(general(at, ("a power is written `^`",)), (), at.stop, sure=True)
+# ---- values -------------------------------------------------------------------------------------
 
 
 def _list_in_braces(at: Situation) -> Repair | None:
@@ -66,19 +23,164 @@ def _list_in_braces(at: Situation) -> Repair | None:
     if at.found.type != "LBRACE" or match is None or not at.fits("NUMBER"):
         return None
     instead = " ".join(match.group().translate(str.maketrans("{}", "[]")).split())
-    return Repair(general(at, (f"a list is written `{instead}`",)), ("NUMBER",), match.end(), sure=True)
+    problem = general(at, (f"a list is written `{instead}`",), edits=at.edit(instead, stop=match.end()))
+    return Repair(problem, ("NUMBER",), match.end(), sure=True)
 
 
 def _range_with_colon(at: Situation) -> Repair | None:
-    if at.found.type != "COLON" or not at.fits("_DOTS"):
+    """`1:3`, and `v[:]`"""
+    if not at.matched(":(?!=)"):
         return None
-    return Repair(general(at, ("a range is written `1..2`",)), ("_DOTS",), at.stop, sure=True)
+    if at.fits("_DOTS"):
+        previous, following = at.previous, at.matched(r"\s*(\w+)", at.stop)
+        text = f"{previous}..{following[1]}" if following else "1..2"
+        problem = general(at, (f"a range is written `{text}`",), edits=at.edit(".."))
+        return Repair(problem, ("_DOTS",), at.stop, sure=True)
+    if at.innermost("LSQB") and at.previous and at.previous.type in ("LSQB", "COMMA") and at.fits("NUMBER"):
+        problem = general(at, ("all elements are the range `1..n`; a name without `[…]` is the whole of it",))
+        return Repair(problem, ("NUMBER",), at.stop, sure=True)
+    return None
 
 
 def _else_if(at: Situation) -> Repair | None:
     if at.found not in ("elseif", "elsif", "elif") or not at.fits("ELSE", "IF"):
         return None
-    return Repair(general(at, ("write `else if`",)), ("ELSE", "IF"), at.stop, sure=True)
+    problem = general(at, ("write `else if`",), edits=at.edit("else if"))
+    return Repair(problem, ("ELSE", "IF"), at.stop, sure=True)
+
+
+def _choice(at: Situation) -> Repair | None:
+    """`if a { b } else { c }`, `if a: b else: c`, `b if a else c`"""
+    if at.found.type == "LBRACE" and at.fits("THEN"):
+        braces = at.matched(r"\{\s*([^{};]*?);?\s*\}\s*else\s*\{\s*([^{};]*?);?\s*\}")
+        if braces is None:
+            return None
+        text = f"then {braces[1]} else {braces[2]}"
+        problem = general(at, (f"write `{text}`",), edits=at.edit(text, stop=braces.end()))
+        return Repair(problem, ("THEN", "NUMBER", "ELSE", "NUMBER"), braces.end(), sure=True)
+    if at.found == ":" and (at.fits("THEN") or (at.previous and at.previous.type == "ELSE")):
+        then = at.fits("THEN")
+        problem = general(
+            at, ("write `then`" if then else "remove `:`",), edits=at.edit(" then" if then else "")
+        )
+        return Repair(problem, ("THEN",) if then else (), at.stop, sure=True)
+    if at.found.type == "IF" and at.fits("MUL"):
+        turned = at.matched(r"if\s+([^;{}\n]*?)\s+else\s+([^;{}\n]*)")
+        if turned is None:
+            return None
+        problem = general(at, (f"write `if {turned[1]} then … else {turned[2]}`",))
+        return Repair(problem, (), turned.end(), sure=True)
+    return None
+
+
+def _for_header(at: Situation) -> Repair | None:
+    """`for (i in 1..3)`, `for i = 1..3`, `for i in range(3)`, `agent a[3]`"""
+    previous = at.previous
+    if previous is None:
+        return None
+    if previous.type == "FOR" and at.found.type == "LPAR" and at.fits("NAME"):
+        head = at.matched(r"\(([^(){};]*)\)")
+        if head is None:
+            return None
+        edits = at.edit(head[1], stop=head.end())
+        problem = general(at, (f"write `for {head[1]}`",), edits=edits)
+        return Repair(problem, ("NAME", "IN", "NUMBER", "_DOTS", "NUMBER"), head.end(), sure=True)
+    if at.found.type == "_EQUAL" and at.fits("IN"):
+        return Repair(general(at, ("write `in`",), edits=at.edit("in")), ("IN",), at.stop, sure=True)
+    if previous.type == "LSQB" and at.found.type == "NUMBER" and at.accepts == {"NAME"}:
+        size = at.matched(r"(?:1\s*\.\.\s*)?(\w+)")
+        text = f"i in 1..{size[1]}" if size else "i in 1..n"
+        problem = general(at, (f"write `{text}`",), edits=at.edit(text, stop=size.end() if size else None))
+        stop = size.end() if size else at.stop
+        return Repair(problem, ("NAME", "IN", "NUMBER", "_DOTS", "NUMBER"), stop, sure=True)
+    return None
+
+
+def _range_call(at: Situation) -> Repair | None:
+    """`in range(3)` or `in 3` where `..` is missing."""
+    if at.found.type not in ("LBRACE", "RSQB") or at.fits(at.found.type) or not at.fits("_DOTS"):
+        return None
+    found = re.search(r"\bin\s+(?:range\((\w+)\)|(\w+))\s*$", at.source.text[: at.start])
+    if found is None:
+        return None
+    start, text = found.start(1 if found[1] is None else 0), f"in 1..{found[1] or found[2]}"
+    edits = at.edit(text, found.start(), found.start() + len(found.group().rstrip()))
+    problem = general(at, (f"write `{text}`",), wanted="`..`", edits=edits)
+    return Repair(problem, ("_DOTS", "NUMBER"), at.start, sure=True) if start else None
+
+
+def _increment(at: Situation) -> Repair | None:
+    """`x += 1`, `x++`"""
+    previous = at.previous
+    if previous is None or previous.type != "NAME" or not any(map(at.fits, ("_ASSIGN", "_EQUAL", "PRIME"))):
+        return None
+    match = at.matched(r"([-+*/])=\s*([^;{}\n]*)|([-+])\3")
+    if match is None:
+        return None
+    right = f"{previous} {match[1] or match[3]} {(match[2] or '1').strip()}"
+    sign = ":=" if at.fits("_ASSIGN") else "="
+    text = f"{previous} {sign} {right};"
+    if sign == "=":
+        problem = general(
+            at, ("an equation says what a variable is; to change it by steps, assign it in `do` or `sample`",)
+        )
+    else:
+        edits = at.edit(f" {sign} {right}", previous.end_pos, match.end())
+        problem = general(at, (f"write `{text}`",), edits=edits)
+    return Repair(problem, (sign_terminal(sign), "NUMBER"), match.end(), sure=True)
+
+
+def sign_terminal(sign: str) -> str:
+    """The terminal of `=` or `:=`."""
+    return "_EQUAL" if sign == "=" else "_ASSIGN"
+
+
+def _derivative_of(at: Situation) -> Repair | None:
+    """`(v + u)'`, `time'`: only variables have derivatives."""
+    previous = at.previous
+    if (
+        at.found.type != "PRIME"
+        or previous is None
+        or previous.type not in ("RPAR", "RSQB", "TIME", "NUMBER", "UNIT")
+    ):
+        return None
+    if not at.fits("MUL") or at.fits("PRIME"):
+        return None
+    advice = (
+        "the derivative of `time` is 1"
+        if previous.type == "TIME"
+        else "only a variable has a derivative: differentiate by hand, or write `transpose(…)`"
+    )
+    return Repair(general(at, (advice,), wanted="an operator"), (), at.stop, sure=True)
+
+
+def _side_of_equation(at: Situation) -> Repair | None:
+    """`2*x' = 1;`, `x + y = 1;`, `0 = x;`: the left side of an equation is one variable."""
+    kind = block(at)
+    if kind not in ("DIFF", "ALGE", "FOR") or at.fits(at.found.type):
+        return None
+    starts = at.previous is not None and at.previous.type in ("LBRACE", "SEMICOLON", "RBRACE")
+    if at.found.type not in ("ADD", "MUL", "NUMBER", "LPAR", "POW") or not (
+        at.fits("_EQUAL") or at.fits("PRIME") or starts
+    ):
+        return None
+    equation = at.matched(r"[^;{}\n]*=[^;{}\n]*(?=;)")
+    if equation is None or (at.found.type == "LPAR" and not starts):
+        return None
+    left = "x'" if kind == "DIFF" else "x"
+    advice = f"solve for one variable: `{left} = …;`"
+    return Repair(general(at, (advice,)), None, equation.end(), sure=True)
+
+
+def _several_equations(at: Situation) -> Repair | None:
+    """`x' = 1, v' = 2;`"""
+    if (
+        at.found.type != "COMMA"
+        or not at.fits("SEMICOLON")
+        or not at.matched(r",\s*\w+(\[[^\]]*\])?\s*'?\s*:?=")
+    ):
+        return None
+    return Repair(general(at, ("write `;`",), edits=at.edit(";")), ("SEMICOLON",), at.stop, sure=True)
 
 
 # ---- derivatives --------------------------------------------------------------------------------
@@ -94,7 +196,25 @@ def _derivative_call(at: Situation) -> Repair | None:
     place = Span(at.source, *match.span())
     if previous == "d":
         return Repair(errors.CharonDerivative(place, match[2]), ("PRIME", "_EQUAL"), match.end(), sure=True)
-    problem = errors.ModelicaForm(place, "der", f"write `{match[2]}' = …;`")
+    edits = at.edit(f"{match[2]}' =", *match.span())
+    problem = errors.ModelicaForm(place, "der", f"write `{match[2]}' = …;`", edits)
+    return Repair(problem, ("PRIME", "_EQUAL"), match.end(), sure=True)
+
+
+def _quotient(at: Situation) -> Repair | None:
+    """`dx/dt = v;`"""
+    previous = at.previous
+    match = at.matched(r"/\s*dt\s*==?")
+    if (
+        previous is None
+        or match is None
+        or not at.fits("PRIME", "_EQUAL")
+        or not re.fullmatch(r"d\w+", previous)
+    ):
+        return None
+    text = f"{previous[1:]}' ="
+    edits = at.edit(text, previous.start_pos, match.end())
+    problem = general(at, (f"write `{text} …;`",), wanted="`'`", edits=edits)
     return Repair(problem, ("PRIME", "_EQUAL"), match.end(), sure=True)
 
 
@@ -120,9 +240,35 @@ _MODELICA = {
     "equation": "write equations under `diff { … }` and `alge { … }`",
     "model": "write `agent Name() { … }`",
     "parameter": "write parameters in parentheses: `agent Name(real k = 1) { … }`",
+    "algorithm": "write `trans when … do { … }` or `sample every 10 [ms] { … }`",
+    "initial": "write initial values with the declaration: `write real x = 0;`",
+    "annotation": "comments begin with `//`, documentation with `///`",
+    "flow": "data flow has a direction: declare `read` and `write` variables",
+    "inner": "everything comes in by parameters and `read` variables",
+    "outer": "everything comes in by parameters and `read` variables",
+    "constant": "write `const real g = 9.81;`",
     "Real": "declare variables in an agent: `write real x = 1;`",
     "Integer": "write parameters in parentheses: `agent Name(int n = 1) { … }`",
     "Boolean": "write parameters in parentheses: `agent Name(bool on = true) { … }`",
+}
+#: Words that begin something in C, Python and MATLAB.
+_OTHERS = {
+    "class": "write `agent Name() { … }`",
+    "struct": "write `agent Name() { … }`",
+    "block": "write `agent Name() { … }`",
+    "subsystem": "write `agent Name() { … }`",
+    "module": "write `agent Name() { … }`",
+    "package": "a file is a module: its name is the package's",
+    "include": "write `import name;`",
+    "using": "write `import name;`",
+    "function": "write `func real f(real x) = …;`, at the top of a file",
+    "def": "write `func real f(real x) = …;`, at the top of a file",
+    "print": "name what to keep in an experiment: `record x;`",
+    "plot": "write `hierc run FILE --plot picture.svg`",
+    "assert": 'write `inv { x > 0 : "message"; }`',
+    "event": "write `trans when … do { … }`",
+    "param": "write parameters in parentheses: `agent Name(real k = 1) { … }`",
+    "equations": "write equations under `diff { … }` and `alge { … }`",
 }
 _CHARON = {
     "readWrite": "declare it `write` in one agent, `read` in the others",
@@ -139,22 +285,20 @@ def _foreign_word(at: Situation) -> Repair | None:
     if word in ("entry", "exit"):
         return Repair(errors.CharonControlPoint(at.place), None, at.start)
     if word in _MODELICA:
-        problem = errors.ModelicaForm(at.place, word, _MODELICA[word])
-        return on_to_the_brace(at, problem) or Repair(problem, None, at.start)
+        modelica = errors.ModelicaForm(at.place, word, _MODELICA[word])
+        return on_to_the_brace(at, modelica) or Repair(modelica, None, at.start)
     if word in _CHARON:
         return Repair(errors.CharonForm(at.place, word, _CHARON[word]), None, at.start)
+    if word in _OTHERS and at.found.type == "NAME" and not at.fits("NAME"):
+        problem = general(at, (_OTHERS[word],))
+        return Repair(problem, None, _behind_head(at), sure=True)
     return None
 
 
-def _function_body(at: Situation) -> Repair | None:
-    """`func real f(real x) { return …; }`"""
-    if at.found.type != "LBRACE" or not at.fits("_EQUAL") or not any(t.type == "FUNC" for t in at.pending):
-        return None
-    head = next(t.start_pos or 0 for t in reversed(at.pending) if t.type == "FUNC")
-    head_text = " ".join(at.source.text[head : at.start].split())
-    body = at.matched(r"\{\s*return\s+([^;{}]*);\s*\}")
-    right = " ".join(body[1].split()) if body else "…"
-    return Repair(general(at, (f"a function is one expression: `{head_text} = {right};`",)), None, at.start)
+def _behind_head(at: Situation) -> int:
+    """Behind what stands up to the end of a line that ends as in Python."""
+    head = at.matched(r"[^\n;{}]*(:|\))?[ \t\r]*(?=\n)")
+    return head.end() if head else at.start
 
 
 # ---- arguments ----------------------------------------------------------------------------------
@@ -179,8 +323,14 @@ def _argument_without_name(at: Situation) -> Repair | None:
         return None
     if not at.fits(*insert):
         return None
-    advice = f"name the argument: `{_parameter(at, bracket)} = {text}`"
-    return Repair(general(at, (advice,)), insert, at.start, sure=True)
+    name = _parameter(at, bracket)
+    start = at.start if insert[0] == "NAME" else (at.previous.start_pos if at.previous else at.start)
+    problem = general(
+        at,
+        (f"name the argument: `{name} = {text}`",),
+        edits=at.edit(f"{name} = ", start, start) if name != "name" else (),
+    )
+    return Repair(problem, insert, at.start, sure=True)
 
 
 def _parameter(at: Situation, bracket: Token) -> str:
@@ -194,16 +344,19 @@ def _parameter(at: Situation, bracket: Token) -> str:
 
 
 RULES: tuple[Rule, ...] = (
-    _comment,
-    _sign,
-    _ternary,
-    _power,
     _list_in_braces,
     _range_with_colon,
+    _range_call,
     _else_if,
+    _choice,
+    _for_header,
+    _increment,
     _derivative_call,
+    _quotient,
     _second_derivative,
+    _derivative_of,
+    _side_of_equation,
+    _several_equations,
     _foreign_word,
-    _function_body,
     _argument_without_name,
 )

@@ -22,6 +22,14 @@ class Label:
     text: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """A change to the user's text: `text` in place of `span`, which is empty where something is put in."""
+
+    span: Span
+    text: str
+
+
 @dataclass(frozen=True)
 class Problem:
     """One problem at one place. Subclasses add the fields that their wording needs."""
@@ -54,6 +62,10 @@ class Problem:
         """What to do; text that can be pasted stands in backquotes."""
         return ()
 
+    def edits(self) -> tuple[Edit, ...]:
+        """The first help as changes that an editor can make, all at once; empty where the user has to choose."""
+        return ()
+
 
 class ModelError(Exception):
     """A model has errors. `problems` holds all that were found, in source order; never empty."""
@@ -61,6 +73,18 @@ class ModelError(Exception):
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
         super().__init__("; ".join(f"[{p.code}] {p.title()}" for p in self.problems))
+
+
+def in_place_of(span: Span | None, text: str) -> tuple[Edit, ...]:
+    """One edit, or none where there is no text to change."""
+    return () if span is None else (Edit(span, text),)
+
+
+def apply(edits: Iterable[Edit], text: str) -> str:
+    """The text with all edits made. They lie in this text and do not overlap."""
+    for edit in sorted(edits, key=lambda e: e.span.start, reverse=True):
+        text = text[: edit.span.start] + edit.text + text[edit.span.stop :]
+    return text
 
 
 def in_source_order(problems: Iterable[Problem]) -> list[Problem]:

@@ -128,7 +128,7 @@ class RecoveringParser:
             self.problems.append(repair.problem)
         if self._done:
             return
-        if repair.insert is None:
+        if repair.insert is None or not self._fits(*repair.insert):
             self._give_up_statement(repair.resume, whole_file=repair.closes_blocks)
         elif echo and not repair.sure:
             self._give_up_statement(found.start_pos or 0)
@@ -207,7 +207,12 @@ class RecoveringParser:
         ends = (END,) if whole_file else (END, "RBRACE")
         while len(state.state_stack) > 1 and not any(map(self._fits, ends)):
             del state.state_stack[-1], state.value_stack[-1]
-        self._go_on_at(self._skip(start))
+        resume = self._skip(start)
+        if resume and self.source.text[resume - 1] in ";}":
+            # So that the next message says after what it stands. A `}` counts as `;`, for its `{` is not among the tokens.
+            last = Token("SEMICOLON", self.source.text[resume - 1], resume - 1, end_pos=resume)
+            self.tokens.append(last)
+        self._go_on_at(resume)
         self._since_repair = ECHO
 
     def _skip(self, start: int) -> int:

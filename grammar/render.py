@@ -79,6 +79,7 @@ def to_json(problem: Problem) -> dict[str, Any]:
         "labels": [{**_place(label.span), "text": label.text} for label in problem.labels()],
         "notes": list(problem.notes()),
         "help": list(problem.help()),
+        "edits": [{**_place(edit.span), "text": edit.text} for edit in problem.edits()],
     }
 
 

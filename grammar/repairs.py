@@ -13,9 +13,10 @@ from collections.abc import Iterator
 
 from lark import Token, Tree
 
-from hierc.grammar import errors, habits, words
+from hierc.grammar import declarations, errors, habits, headers, misplaced, signs, words
+from hierc.grammar.forms import block, general, on_to_the_brace
 from hierc.grammar.problems import Problem, closest
-from hierc.grammar.situation import CLOSERS, Repair, Rule, Situation, general, on_to_the_brace, span_of
+from hierc.grammar.situation import CLOSERS, Repair, Rule, Situation, span_of
 from hierc.grammar.source import SourceFile, Span
 from hierc.grammar.words import END, JUNK
 
@@ -70,7 +71,7 @@ def _strange_name(at: Situation) -> Repair:
         start = previous.start_pos or 0
     match = at.matched(r"\w+", start)
     stop = match.end() if match else at.stop
-    problem = errors.StrangeName(Span(at.source, start, stop))
+    problem = errors.StrangeName(Span(at.source, start, stop), signs.ascii_name(at.source.text[start:stop]))
     return Repair(problem, ("NAME",) if at.fits("NAME") else (), stop)
 
 
@@ -96,12 +97,15 @@ def _number_without_digit(at: Situation) -> Repair | None:
 
 
 def _equals_signs(at: Situation) -> Repair | None:
-    if at.found in (":=", "==") and at.fits("_EQUAL"):
-        return Repair(
-            errors.AssignmentSign(at.place, _subject(at), str(at.found)), ("_EQUAL",), at.stop, sure=True
-        )
-    if at.found in ("=", "==") and at.fits("_ASSIGN"):
-        return Repair(errors.EquationSign(at.place), ("_ASSIGN",), at.stop, sure=True)
+    sign = at.matched(r":=|==|=|<-|:(?![:=])")
+    if sign is None:
+        return None
+    place = Span(at.source, *sign.span())
+    if sign.group() != "=" and at.fits("_EQUAL"):
+        problem = errors.AssignmentSign(place, _subject(at), sign.group())
+        return Repair(problem, ("_EQUAL",), sign.end(), sure=True)
+    if at.fits("_ASSIGN"):
+        return Repair(errors.EquationSign(place), ("_ASSIGN",), sign.end(), sure=True)
     return None
 
 
@@ -115,7 +119,9 @@ def _subject(at: Situation) -> str:
         return "definitions"
     if "ACCESS" in statement:
         return "initial values"
-    return "settings" if "EXPERIMENT" in kinds else "equations"
+    if "EXPERIMENT" in kinds:
+        return "initial values" if block(at) == "INIT" else "settings"
+    return "agents" if "AGENT" in statement else "equations"
 
 
 def _primes(at: Situation) -> Repair | None:
@@ -124,7 +130,12 @@ def _primes(at: Situation) -> Repair | None:
         return None
     if at.found.type == "_EQUAL" and at.fits("PRIME", "_EQUAL"):
         advice = (f"write `{previous}' = …;`", "an equation without a derivative belongs under `alge`")
-        return Repair(general(at, advice, expected="`'`"), ("PRIME",), at.start)
+        edits = (
+            at.insertion("'")
+            if at.previous and at.previous.end_pos == at.start
+            else at.edit("' =", previous.end_pos)
+        )
+        return Repair(general(at, advice, wanted="`'`", edits=edits), ("PRIME",), at.start)
     if at.found.type == "PRIME" and at.fits("_EQUAL") and at.matched(r"'\s*="):
         return Repair(general(at, ("derivatives belong under `diff`",)), (), at.stop)
     return None
@@ -142,7 +153,26 @@ def _misplaced_brackets(at: Situation) -> Repair | None:
         return Repair(errors.OnlyNamesIndexed(place, match[1].strip()), (), match.end(), sure=True)
     if at.found.type != "UNIT" or "," in match[1]:
         return None
-    return Repair(errors.MisplacedUnit(place), (), match.end(), sure=True)
+    return Repair(errors.MisplacedUnit(place, _operand(at)), (), match.end(), sure=True)
+
+
+def _operand(at: Situation) -> Span | None:
+    """What ends before the error: brackets with the name before them, or a name with its dash."""
+    depth, last = 0, None
+    for token in reversed(at.before):
+        if (
+            depth == 0
+            and last is not None
+            and not (last.type in ("LPAR", "LSQB", "PRIME") and token.type == "NAME")
+        ):
+            break
+        depth += (token.type in CLOSERS) - (token.type in CLOSERS.values())
+        last = token
+        if token.type in ("NAME", "TIME", "BOOL") and depth == 0:
+            break
+    if last is None or at.previous is None or depth:
+        return None
+    return Span(at.source, last.start_pos or 0, at.previous.end_pos or 0)
 
 
 def _is_index(at: Situation, inside: str) -> bool:
@@ -182,7 +212,12 @@ def _chained_comparison(at: Situation) -> Repair | None:
     follows = at.matched(r"\s*([\w.']+)", at.stop)
     right = follows[1] if follows else "…"
     instead = f"{text[begin:split].strip()} {sign} {middle} and {middle} {at.found} {right}"
-    problem = errors.ChainedComparison(at.place, " ".join(instead.split()))
+    chain = (
+        Span(at.source, begin + len(text[begin:split]) - len(text[begin:split].lstrip()), follows.end())
+        if follows
+        else None
+    )
+    problem = errors.ChainedComparison(at.place, " ".join(instead.split()), chain)
     return Repair(problem, ("ADD",) if at.fits("ADD") else None, at.stop)
 
 
@@ -218,6 +253,8 @@ def _unclosed_at_definition(at: Situation) -> Repair | None:
     if not braces:
         return None
     start: int | None = None
+    if at.is_balanced:
+        return None  # it is in the wrong place
     if at.found.type in ("EXPERIMENT", "IMPORT", "FUNC", "EXTERN") and at.is_first_on_line:
         start = at.start
     elif at.found.type == "LPAR" and len(at.before) > 1 and at.before[-2].type == "AGENT":
@@ -268,7 +305,7 @@ def _reserved_word(at: Situation) -> Repair | None:
 
 def _missing_semicolon(at: Situation) -> Repair | None:
     previous = at.previous
-    if previous is None or not at.fits("SEMICOLON"):
+    if previous is None or previous.type in ("LBRACE", "SEMICOLON") or not at.fits("SEMICOLON"):
         return None
     last = previous.end_pos or 0
     begins_equation = at.found.type == "NAME" and at.matched(r"\w+(\[[^\]\n]*\])?\s*('|=(?!=)|:=)")
@@ -280,12 +317,13 @@ def _missing_semicolon(at: Situation) -> Repair | None:
 
 
 def _misspelt_word(at: Situation) -> Repair | None:
-    if at.found.type != "NAME" or len(at.found) < 3:
+    if at.found.type != "NAME" or len(at.found) < 3 or at.is_word:
         return None
     accepted = {word: terminal for word, terminal in at.vocabulary.items() if terminal in at.accepts}
     if (word := closest(str(at.found), accepted)) is None:
         return None
-    return Repair(general(at, (f"did you mean `{word}`?",)), (accepted[word],), at.stop)
+    problem = general(at, (f"did you mean `{word}`?",), edits=at.edit(word))
+    return Repair(problem, (accepted[word],), at.stop)
 
 
 # ---- the general form ---------------------------------------------------------------------------
@@ -303,9 +341,8 @@ def _in_the_way(at: Situation) -> Repair | None:
 
 def _in_excess(at: Situation, *, sure: bool) -> Repair:
     after = "" if at.previous is None else str(at.previous)
-    problem = errors.UnexpectedToken(
-        at.place, "", after, words.found(at.found.type, at.found), ("remove it",)
-    )
+    found = words.found(at.found.type, at.found)
+    problem = errors.UnexpectedToken(at.place, "", after, found, ("remove it",), replacement=at.removal())
     return Repair(problem, (), at.stop, sure)
 
 
@@ -323,13 +360,30 @@ def _left_out(at: Situation) -> Repair | None:
     if resume == at.stop:
         return _in_excess(at, sure=False)
     bracket = at.innermost(CLOSERS[insert[0]]) if insert[0] in CLOSERS else None
-    advice = ("write `()` where there is nothing to give",) if insert == ("LPAR", "RPAR") else ()
-    return Repair(general(at, advice, bracket), insert, resume)
+    last = at.start if at.previous is None else at.previous.end_pos
+    if insert == ("LPAR", "RPAR"):
+        advice = ("write `()` where there is nothing to give",)
+        return Repair(general(at, advice, edits=at.edit("()", last, last)), insert, resume)
+    text = _spelt(insert) if at.reach(insert, resume) > len(insert) else ""
+    blank = at.source.text[last : at.start][:1].isspace()
+    edits = at.edit(text.rstrip() if blank else text, last, last) if text else ()
+    return Repair(general(at, (), bracket, edits=edits), insert, resume)
+
+
+def _spelt(terminals: tuple[str, ...]) -> str:
+    """Signs and words as they are put in behind the token before; empty where one of them is the user's to choose."""
+    phrases = [words.PHRASES[terminal] for terminal in terminals]
+    if not all(re.fullmatch("`[^`]+`", phrase) for phrase in phrases):
+        return ""
+    texts = [phrase.strip("`") for phrase in phrases]
+    return "".join(f" {text} " if text.isalpha() or text in ("=", ":=", "{") else text for text in texts)
 
 
 RULES: tuple[Rule, ...] = (
+    *signs.RULES,
     _unclosed_string,
     *habits.RULES,
+    *headers.HEADS,
     _strange_characters,
     _number_without_digit,
     _equals_signs,
@@ -340,8 +394,13 @@ RULES: tuple[Rule, ...] = (
     _unclosed_at_end,
     _unclosed_at_definition,
     _unclosed_at_outdent,
+    *declarations.RULES,
+    *headers.RULES[:1],
+    *misplaced.RULES,
+    *headers.RULES[1:],
     _reserved_word,
     _missing_semicolon,
+    signs.missing_operator,
     _misspelt_word,
     _in_the_way,
     _left_out,

@@ -12,12 +12,14 @@ from dataclasses import dataclass
 
 from lark import Token, Tree
 
-from hierc.grammar import errors, words
-from hierc.grammar.problems import Problem
+from hierc.grammar import words
+from hierc.grammar.problems import Edit, Problem
 from hierc.grammar.source import SourceFile, Span
 
 #: Closing brackets with those that they close.
 CLOSERS = {"RPAR": "LPAR", "RSQB": "LSQB", "RBRACE": "LBRACE"}
+
+_BRACES = re.compile(r"//[^\n]*|/\*[\s\S]*?(?:\*/|\Z)|\"(?:\\.|[^\"\\\n])*\"|[{}]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +74,17 @@ class Situation:
         """Whether only blanks stand before the token found on its line."""
         return not self.source.text[self.source.text.rfind("\n", 0, self.start) + 1 : self.start].strip()
 
+    def outreaches(self, terminal: str, offset: int) -> bool:
+        """Whether with this terminal put in, read on at `offset`, the text can be read at least as far as with any other put in here."""
+        best = self.reach((terminal,), offset)
+        return best > 0 and all(best >= self.reach((other,), self.start) for other in words.PHRASES)
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether the text has a `}` for each `{`."""
+        found = [match.group() for match in _BRACES.finditer(self.source.text)]
+        return found.count("{") == found.count("}")
+
     @property
     def open_brackets(self) -> list[Token]:
         """The brackets that wait for their partner, outermost first."""
@@ -82,6 +95,28 @@ class Situation:
             elif token.type in CLOSERS:
                 waiting.pop()
         return waiting
+
+    def edit(self, text: str, start: int | None = None, stop: int | None = None) -> tuple[Edit, ...]:
+        """`text` in place of the token found, or of what stands from `start` to `stop`."""
+        begin = self.start if start is None else start
+        return (Edit(Span(self.source, begin, self.stop if stop is None else stop), text),)
+
+    def removal(self) -> tuple[Edit, ...]:
+        """The token found taken out, with the blanks behind it."""
+        blanks = self.matched(r"[ \t]*", self.stop)
+        return self.edit("", stop=blanks.end() if blanks else None)
+
+    def insertion(self, text: str) -> tuple[Edit, ...]:
+        """`text` put in before the token found."""
+        return self.edit(text, stop=self.start)
+
+    @property
+    def on_the_line_before(self) -> bool:
+        """Whether the token before stands on the same line."""
+        return (
+            self.previous is not None
+            and "\n" not in self.source.text[self.previous.end_pos or 0 : self.start]
+        )
 
     def innermost(self, kind: str) -> Token | None:
         """The innermost open bracket, if it is of this kind."""
@@ -111,25 +146,3 @@ def span_of(source: SourceFile, token: Token) -> Span:
 
 #: One way to mend a text; None where it does not apply.
 Rule = Callable[[Situation], Repair | None]
-
-
-def general(
-    at: Situation, advice: tuple[str, ...] = (), bracket: Token | None = None, expected: str = ""
-) -> Problem:
-    """`expected … after …, found …`."""
-    return errors.UnexpectedToken(
-        at.place,
-        expected or words.expected(at.accepts),
-        "" if at.previous is None else str(at.previous),
-        words.found(at.found.type, at.found),
-        advice,
-        None if bracket is None else span_of(at.source, bracket),
-    )
-
-
-def on_to_the_brace(at: Situation, problem: Problem) -> Repair | None:
-    """Where a block must begin and does so further along the line, what stands between is left out."""
-    ahead = at.matched(r"[^\n{};]*(?=\{)")
-    if ahead is None or not at.fits("LBRACE"):
-        return None
-    return Repair(problem, (), ahead.end(), sure=True)

@@ -21,7 +21,7 @@ _PLACES = (
 #: Phrases in the order in which they are listed. What begins an expression is one phrase, see `expected`.
 PHRASES = {
     "AGENT": "`agent`",
-    "SCALAR": "a type",
+    "SCALAR": "a type (`real`, `int`, `bool`)",
     "NAME": "a name",
     "STRING": "a string",
     "_EQUAL": "`=`",
@@ -60,14 +60,14 @@ _OPTIONAL = {
 }
 
 
-def expected(accepts: Set[str]) -> str:
-    """What may stand in a place, in words: the few things that bring the sentence to its end come first."""
+def expected(accepts: Set[str], name: str = "a name") -> str:
+    """What may stand in a place, in words: the few things that bring the sentence to its end come first. `name`: what a name would be."""
     for place, phrase in _PLACES:
         if place <= accepts:
             return phrase
-    phrases = [PHRASES[t] for t in PHRASES if t in accepts]
+    phrases = [name if t == "NAME" else phrase for t, phrase in PHRASES.items() if t in accepts]
     if "NUMBER" in accepts:
-        beginnings = {PHRASES[t] for t in ("NAME", "LPAR", "LSQB")}
+        beginnings = {name, PHRASES["LPAR"], PHRASES["LSQB"]}
         phrases = ["an expression", *(p for p in phrases if p not in beginnings)]
     elif len(phrases) > 1:  # brackets that may follow a name say little beside what must follow
         phrases = [p for p in phrases if p not in ("`[`", "`(`")] or phrases

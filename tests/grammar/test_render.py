@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hierc.grammar.errors import UnreadableFile
+from hierc.grammar.errors import MissingSemicolon, UnreadableFile
 from hierc.grammar.problems import Label, Problem
 from hierc.grammar.render import WINDOW, render, render_all, to_json, visible
 from hierc.grammar.source import SourceFile, Span
@@ -210,7 +210,12 @@ def test_json_has_every_field() -> None:
         ],
         "notes": ["n"],
         "help": ["help n"],
+        "edits": [],
     }
+    missing = MissingSemicolon(span(text, "two"))
+    assert to_json(missing)["edits"] == [
+        {"file": "m.hier", "line": 2, "column": 1, "end_line": 2, "end_column": 4, "text": ";"}
+    ]
     assert to_json(UnreadableFile(None, "m.hier", "why"))["line"] is None
 
 
