@@ -27,7 +27,8 @@ class MissingFile(Problem):
         return f"cannot find `{self.file}`"
 
     def notes(self) -> tuple[str, ...]:
-        return (f"looked {', '.join(self.looked_in)}",) if self.looked_in else ()
+        *places, last = self.looked_in or ("nowhere",)
+        return (f"looked {', '.join(places)} and {last}" if places else f"looked {last}",)
 
     def help(self) -> tuple[str, ...]:
         return did_you_mean(self.module, self.modules)

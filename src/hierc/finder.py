@@ -1,8 +1,8 @@
 """Where imported files are: beside the file that imports them, in the project, in HIERC_PATH, in the library `std` that comes with hierc.
 
-A model may come from a stranger. A file is read only if it is a regular `.hier` file that, with all links followed, lies in the folder where it was
-looked for; nothing of any other file is ever shown. (The library may be installed as links.) Every place that was looked at is remembered with what was there, so that a later process
-can tell whether it would find the same.
+A model may come from a stranger. A file is read only if it is a regular `.hier` file that, with all links followed, lies in the folder where
+it was looked for; nothing of any other file is ever shown. (The library may be installed as links.) Every place that was looked at is
+remembered with what was there, so that a later process can tell whether it would find the same.
 """
 
 from __future__ import annotations
@@ -176,7 +176,8 @@ class Finder:
         name = str(place.shown / file)
         source = SourceFile(str(real) if name in self._files else name, text)
         self.seen[str(path)] = digest(text)
-        self._files[source.name] = _File(real.parent, place.library)
+        library = place.library or real.is_relative_to(os.path.realpath(self._library / "std"))
+        self._files[source.name] = _File(real.parent, library)
         self._by_path[real] = source
         return source
 

@@ -35,7 +35,7 @@ agent Loop() {
 
 @pytest.fixture(scope="module")
 def loop() -> Diagram:
-    return diagram(model_of(read(MODEL)))
+    return diagram(model_of(read(MODEL).source))
 
 
 def test_members_stand_in_blocks_slow_ones_first(loop: Diagram) -> None:
@@ -62,7 +62,7 @@ def test_reads_are_those_of_continuous_equations(loop: Diagram) -> None:
 
 @pytest.mark.parametrize("name", [*packaged_models(), "loop"])
 def test_every_diagram_is_block_triangular(name: str) -> None:
-    made = diagram(model_of(read(MODEL if name == "loop" else name)))
+    made = diagram(model_of(read(MODEL if name == "loop" else name).source))
     assert all(a.block <= b.block for a, b in pairwise(made.members))
     for member in made.members:
         assert all(made.members[reading.owner].block <= member.block for reading in member.reads)
@@ -74,7 +74,7 @@ def test_vectors_have_one_name_where_they_are_read_whole() -> None:
     agent Q() { read real[3] w; read real one; write real x = 0; diff { x' = w[1] + w[2] + w[3] + one; } }
     agent Top() { agent a = P(); agent b = Q() [w := a.p', one := a.p[2]]; }
     """
-    (a, b) = diagram(model_of(read(parts))).members
+    (a, b) = diagram(model_of(read(parts).source)).members
     assert (a.path, b.path) == ("a", "b")
     assert [reading.names for reading in b.reads] == [("a.p'", "a.p[2]")]
 
@@ -142,7 +142,7 @@ def test_a_picture_has_a_mark_for_each_pair(loop: Diagram) -> None:
 def test_a_small_picture_names_what_is_read() -> None:
     from hierc.picture import draw
 
-    (axes,) = draw(diagram(model_of(read("servo"))), None).axes
+    (axes,) = draw(diagram(model_of(read("servo").source)), None).axes
     assert {text.get_text() for text in axes.texts} == {"1 state", "2 states", "r, r'", "tau"}
 
 
