@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -82,10 +83,68 @@ def test_vectors_have_one_name_where_they_are_read_whole() -> None:
 def test_the_table_shows_the_matrix(loop: Diagram) -> None:
     lines = to_text(loop, ASCII, 100).splitlines()
     assert lines[0] == "Loop (<text>): 5 groups, 7 states"
-    assert " 4  -      s: Gain          0   .  .  x  #  o  x              g.y, q.y" in lines
-    assert " 5  body   p: Lag           1   .  .  .  x  #  o              s.y" in lines
-    assert "10  tip    late: Late       1   .  .  .  .  .  .  .  .  .  #" in lines
+    assert " 4  -       s: Gain          0   .  .  x  #  o  x              g.y, q.y" in lines
+    assert " 5  body    p: Lag           1   .  .  .  x  #  o              s.y" in lines
+    assert "10    tip   late: Late       1   .  .  .  .  .  .  .  .  .  #" in lines
     assert sum(line.startswith("---") for line in lines) == len({member.block for member in loop.members})
+
+
+NESTED = """
+agent Lag(real T = 1) { read real u; write real y = 0; diff { y' = (u - y)/T; } }
+agent Robot() {
+  read real u;
+  level body { agent b = Lag() [u := u]; }
+  level motors {
+    level slow { write real[2] p = [0, 0]; diff { p' = [b.y, b.y'] - p; } }
+    level fast { agent m = Lag() [u := p[2]]; }
+  }
+  write real y;
+  alge { y = m.y; }
+}
+agent Cell() {
+  level plan { agent plan = Lag() [u := 1]; }
+  level robots { agent robot = Robot() [u := plan.y]; agent other = Lag() [u := robot.y]; }
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def cell() -> Diagram:
+    return diagram(model_of(read(NESTED).source))
+
+
+def test_levels_that_hold_several_groups_are_headings(cell: Diagram) -> None:
+    assert cell.divided() == {"robots", "robot.motors"}
+    assert to_text(cell, ASCII, 100).splitlines()[2:12] == [
+        "   group           agent                   states  1 2 3 4 5 6  reads",
+        "-" * 85,
+        "1  plan            plan: Lag                    1  #",
+        "   robots",
+        "2    robot.body    robot.b: Lag                 1  x #          plan.y",
+        "     robot.motors",
+        "3      robot.slow  robot.slow: Robot.slow       2  . x #        robot.b.y, robot.b.y'",
+        "4      robot.fast  robot.m: Lag                 1  . . x #      robot.p[2]",
+        "5    -             robot: Robot                 0  . . . x #    robot.m.y",
+        "6    robots        other: Lag                   1  . . . x . #  robot.m.y",
+    ]
+
+
+def test_other_forms_nest_as_the_table_does(cell: Diagram) -> None:
+    levels = {agent["path"]: agent["levels"] for agent in json.loads(to_json(cell))["agents"]}
+    assert levels["robot.m"] == ["robots", "robot.motors", "robot.fast"]
+    assert levels["robot"] == levels["other"] == ["robots"]
+    dot = to_dot(cell)
+    (motors,) = re.findall(r'subgraph "cluster level robot.motors" \{\n(.*?)\n    \}\n', dot, re.DOTALL)
+    assert re.findall(r'subgraph "(.*)"', motors) == ["cluster group robot.slow", "cluster group robot.fast"]
+    assert dot.count("{") == dot.count("}") == 8
+
+
+def test_a_picture_frames_levels_that_hold_several_groups(cell: Diagram) -> None:
+    from hierc.picture import draw
+
+    (axes,) = draw(cell, None).axes
+    frames = {(p.get_x(), p.get_y(), p.get_width(), p.get_height()) for p in axes.patches if not p.get_fill()}
+    assert frames == {(1, 1, 5, 5), (2, 2, 2, 2)}
 
 
 def test_a_narrow_table_leaves_the_matrix_out(loop: Diagram) -> None:
