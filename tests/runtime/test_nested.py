@@ -144,6 +144,26 @@ def test_right_hand_sides_agree(pair: tuple[Model, Model]) -> None:
         assert np.array_equal(nested.rhs(t, x), flat.rhs(t, x))
 
 
+def test_elements_start_and_are_recorded_by_name() -> None:
+    model = built(
+        """
+        agent Arm() { private real[2,2] M = [[1, 2], [3, 4]]; write real[3] q = [5, 6, 7]; diff { M' = -M; q' = q; } }
+        agent Robot() { level body { level arm { agent arm = Arm(); } } }
+        experiment e of Robot() {
+          stop = 1 [s];
+          init { arm.M[2, 1..2] = [8, 9]; arm.q[2] = 10; }
+          record arm.q[2..3], arm.M[2,2];
+        }
+        """
+    )
+    result = model.simulate()
+    assert {name: column[0] for name, column in result.columns().items()} == {
+        "arm.q[2]": 10.0, "arm.q[3]": 7.0, "arm.M[2,2]": 9.0,
+    }  # fmt: skip
+    assert result["arm.q[2]"][-1] == pytest.approx(10 * np.e, rel=1e-5)
+    assert result["arm.M"][0].tolist() == [[1, 2], [8, 9]]
+
+
 def test_runs_agree(pair: tuple[Model, Model]) -> None:
     one, other = (model.simulate(stop=0.5, rtol=1e-8, interval=0.05) for model in pair)
     paths = {short(name): name for name in other.names}

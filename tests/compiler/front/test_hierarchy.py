@@ -112,6 +112,22 @@ def test_what_an_observer_reads_counts_for_its_reader(first: str, code: str | No
         assert set(codes(text, experiment="Arm")) == {code}
 
 
+def test_an_observer_of_a_level_reads_no_later_one() -> None:
+    text = (
+        LAG
+        + """
+    agent A() {
+      level one { level in { agent a = Lag() [u := 0]; } write real seen; alge { seen = a.y + SOURCE; } }
+      level two { agent b = Lag() [u := a.y]; }
+      write real all;
+      alge { all = seen + b.y; }
+    }
+    """.replace("level in ", "level inner ")
+    )
+    assert codes(text.replace("SOURCE", "b.y")) == ["E601"]
+    assert reads(model_of(text.replace("SOURCE", "1")), "") == ["a.y", "b.y"]
+
+
 def test_names_of_levels_are_one_space_for_all_depths() -> None:
     text = (
         LAG

@@ -81,6 +81,28 @@ def test_results_and_experiments_name_any_depth() -> None:
 
 
 @pytest.mark.parametrize(
+    ("item", "help_"),
+    [
+        ("record ld.b.lc.a.q;", "b.a.q"),
+        ("record b.lb.a.lag.y;", "b.a.lag.y"),
+        ("init { b.lc.a.lag.y = 1; }", "b.a.lag.y"),
+        ("group b.lb.a.la { rtol = 1e-3; }", "b.a.la"),
+    ],
+)
+def test_levels_are_no_part_of_paths(item: str, help_: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        model_of(f"{CHAIN} experiment e of C() {{ {item} record b.a.q; }}")
+    (problem,) = caught.value.problems
+    assert problem.help() == (f"did you mean `{help_}`? Levels are no part of a path",)
+
+
+def test_levels_are_no_part_of_parameters() -> None:
+    with pytest.raises(ModelError) as caught:
+        model_of(CHAIN, experiment="C", overrides={"ld.b.lc.a.k": 2})
+    assert caught.value.problems[0].help() == ("did you mean `b.a.k`? Levels are no part of a path",)
+
+
+@pytest.mark.parametrize(
     ("item", "title"),
     [
         ("record b.lc.a.q;", "`record b.lc.a.q` matches nothing"),
@@ -89,6 +111,7 @@ def test_results_and_experiments_name_any_depth() -> None:
         ("init { b.a.q = 1; }", "there is no state `b.a.q`"),
         ("init { b.c.lag.y = 1; }", "there is no agent `c`"),
         ("group b.lc.a { rtol = 1e-3; }", "there is no group `b.lc.a`"),
+        ("group b.q { rtol = 1e-3; }", "there is no group `b.q`"),
     ],
 )
 def test_paths_that_name_nothing(item: str, title: str) -> None:
@@ -133,7 +156,7 @@ def test_initial_values_of_elements(init: str, q: list[float], matrix: list[floa
         ("arm.q[1..2] = 1;", "E302"),
         ("arm.q[1] = 1; arm.q[1..2] = [1, 2];", "E214"),
         ("arm.q[1] = 1; arm.q = [1, 2, 3];", "E214"),
-        ("arm[1].q = [1, 2, 3];", "E910"),
+        ("arm[1].q = [1, 2, 3];", "E806"),
         ("arm.q[x] = 1;", "E201"),
     ],
 )
