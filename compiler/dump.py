@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 
-from hierc.compiler.diagram import by_owner
+import numpy as np
+
+from hierc.compiler.columns import Integers, expanded, taken
+from hierc.compiler.elements import Elements, spelled
 from hierc.compiler.expression import Number
-from hierc.compiler.formula import Formulas, number_text, parameter_names, source_name
-from hierc.compiler.model import Model, Node, Settings
+from hierc.compiler.formula import Formulas, Names, number_text
+from hierc.compiler.model import Group, Model, Node, Settings, Source
 from hierc.grammar.source import SourceFile, Span
 
 
@@ -52,9 +55,9 @@ def _is_deep(value: object) -> bool:
 
 def dump_model(model: Model) -> str:
     """Parameters, equations of every node in execution order, groups and experiment."""
-    names = parameter_names(model)
+    names = Names(model)
     lines = [_heading(model), "", "parameters"]
-    whole = Formulas(model, _all_parameters(model), names)
+    whole = Formulas(names)
     for parameter in model.parameters:
         unit = f" [{parameter.unit}]" if parameter.unit else ""
         values = ", ".join(whole.text(value) for value in parameter.values)
@@ -62,13 +65,14 @@ def dump_model(model: Model) -> str:
         remarks = ("  (in SI)" if parameter.scale != 1.0 else "") + (
             "  (structural)" if parameter.structural else ""
         )
-        lines.append(f"  {parameter.path}{unit} = {value}{remarks}")
+        path = spelled(parameter.path, parameter.indices)
+        lines.append(f"  {path}{unit} = {value}{remarks}")
     for node in model.nodes:
-        lines += ["", *_node(Formulas(model, node, names), node)]
+        lines += ["", *_node(Formulas(names, node), node)]
     lines += [
         "",
         "groups",
-        *(f"  {g.name}: {', '.join(_path(model, n) for n in g.nodes)}" for g in model.groups),
+        *(f"  {_name(g)}: {', '.join(path for path, _, _ in _inside(model, g))}" for g in model.groups),
     ]
     lines += ["", *_experiment(model)]
     return "\n".join(lines) + "\n"
@@ -78,18 +82,30 @@ def _heading(model: Model) -> str:
     return f"model {model.name} ({model.file})"
 
 
-def _all_parameters(model: Model) -> Node:
-    """A node that knows every parameter, to write the parameters' own values."""
-    span = model.nodes[0].span if model.nodes else model.parameters[0].span
-    return Node(-1, "", "", (), (), (), (), tuple(range(model.parameter_count)), span)
+def _name(group: Group) -> str:
+    """A group, or a family of groups."""
+    several = f" ({group.count} groups)" if group.count > 1 else ""
+    return spelled(group.name, group.indices) + several
 
 
-def _path(model: Model, node: int) -> str:
-    return model.nodes[node].path or model.name
+def _inside(model: Model, group: Group) -> Iterator[tuple[str, Node, Integers]]:
+    """What is in a group or in all groups of a family: names, and the elements' places in their blocks."""
+    elements = Elements(node.first for node in model.nodes)
+    for column in group.nodes:
+        numbers = expanded(column, 1)
+        blocks = elements.blocks(numbers)
+        for block in dict.fromkeys(blocks.tolist()):
+            node = model.nodes[block]
+            places = numbers[blocks == block] - node.first
+            yield _path(model, node, places), node, places
+
+
+def _path(model: Model, node: Node, places: Integers) -> str:
+    return spelled(node.path, [taken(index, places) for index in node.indices]) or model.name
 
 
 def _node(formulas: Formulas, node: Node) -> Iterator[str]:
-    yield f"node {node.id}  {node.path or node.template}: {node.template}"
+    yield f"node {node.id}  {spelled(node.path, node.indices) or node.template}: {node.template}"
     for definition in node.definitions:
         yield f"  {definition.name} = {formulas.text(definition.value)}"
     for state in node.states:
@@ -122,23 +138,44 @@ def _settings(settings: Settings) -> str:
 
 def dump_cascade(model: Model) -> str:
     """Groups from slow to fast, the agents in each, and what each reads of the others."""
-    group_of = {node: group.name for group in model.groups for node in group.nodes}
+    names, homes = Names(model), _homes(model)
     lines = [_heading(model)]
     for place, group in enumerate(model.groups, start=1):
-        states = sum(len(model.nodes[n].states) for n in group.nodes)
-        lines += ["", f"{place}. group {group.name}: {states} state{'s' * (states != 1)}"]
-        for index in group.nodes:
-            lines += _reads(model, model.nodes[index], group_of)
+        inside = list(_inside(model, group))
+        states = sum(len(node.states) * len(places) for _, node, places in inside) // group.count
+        each = " each" if group.count > 1 else ""
+        lines += ["", f"{place}. group {_name(group)}: {states} state{'s' * (states != 1)}{each}"]
+        for path, node, places in inside:
+            lines += _reads(names, node, path, places, homes)
     without = [node for node in model.nodes if not node.states]
     if without:
         lines += ["", "without states, computed where they are read"]
         for node in without:
-            lines += _reads(model, node, group_of)
+            places = np.arange(node.count)
+            lines += _reads(names, node, _path(model, node, places), places, homes)
     return "\n".join(lines) + "\n"
 
 
-def _reads(model: Model, node: Node, group_of: Mapping[int, str]) -> Iterator[str]:
-    yield f"   {node.path or model.name} ({node.template})"
-    for owner, sources in by_owner(node.inputs).items():
-        same = group_of.get(owner) == group_of.get(node.id)
-        yield f"      {'uses ' if same else 'reads'} {', '.join(source_name(model, s) for s in sources)}"
+def _homes(model: Model) -> Integers:
+    """The group of each element, numbered through; -1 without one."""
+    homes = np.full(sum(node.count for node in model.nodes), -1)
+    first = 0
+    for group in model.groups:
+        for column in group.nodes:
+            numbers = expanded(column, 1)
+            homes[numbers] = first + np.arange(len(numbers)) // (len(numbers) // group.count)
+        first += group.count
+    return homes
+
+
+def _reads(names: Names, node: Node, path: str, places: Integers, homes: Integers) -> Iterator[str]:
+    """What elements at some places of a block read: a line for each node, and whether it is in their group."""
+    yield f"   {path} ({node.template})"
+    lines: dict[tuple[str, bool], list[str]] = {}
+    for source in node.inputs:
+        read = Source(taken(source.node, places), source.kind, taken(source.index, places))
+        same = bool((homes[expanded(read.node, len(places))] == homes[node.first + places]).all())
+        name = names.source(read, len(places))
+        lines.setdefault((name.rpartition(".")[0], same), []).append(name)
+    for (_, same), read_names in lines.items():
+        yield f"      {'uses ' if same else 'reads'} {', '.join(read_names)}"

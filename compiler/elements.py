@@ -6,24 +6,23 @@ Nothing here takes Python work for each element: columns are looked at as a whol
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from hierc.compiler.columns import Column, Index, Integers, expanded
-from hierc.compiler.model import Node, Source
+from hierc.compiler.model import Source
 
 #: Ranges of indices that a name lists before it abbreviates.
 _RANGES = 4
 
 
 class Elements:
-    """The elements of all blocks of a model, by number."""
+    """The elements of all blocks of a model; `firsts` are the numbers of the blocks' first elements."""
 
-    def __init__(self, nodes: Sequence[Node]) -> None:
-        self._firsts = [node.first for node in nodes]
+    def __init__(self, firsts: Iterable[int]) -> None:
+        self._firsts = list(firsts)
         self._first_column = np.array(self._firsts, np.int64)
-        self.count = nodes[-1].first + nodes[-1].count if nodes else 0
 
     def block(self, number: int) -> int:
         """The block of an element."""

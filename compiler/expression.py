@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from hierc.compiler.callees.callee import Callee
+from hierc.compiler.columns import Index
 from hierc.grammar.source import Span
 
 Operator = Literal[
@@ -80,6 +81,18 @@ class Local(Expression):
 
 
 @dataclass(frozen=True, slots=True)
+class Gather(Expression):
+    """What each element of a block takes from other elements, before nodes are made: `at` numbers the scalars, one for each element.
+
+    `state`, `rate`, `algebraic`: of any element; `parameter`: entries of the parameter vector; `index`: the integers `at` themselves, which are known
+    when compiling.
+    """
+
+    kind: Literal["state", "rate", "algebraic", "parameter", "index"]
+    at: Index
+
+
+@dataclass(frozen=True, slots=True)
 class Apply(Expression):
     """An operator or built-in function on scalars. Conditions are 0/1-valued; `and`, `or` take two arguments."""
 
@@ -97,4 +110,4 @@ class Choose(Expression):
     other: Expr
 
 
-Expr = Number | Time | State | Rate | Input | Parameter | Local | Apply | Choose
+Expr = Number | Time | State | Rate | Input | Parameter | Local | Apply | Choose | Gather

@@ -60,7 +60,7 @@ def families(
 ) -> tuple[tuple[Group, ...], Index | None]:
     """The families, and the cascade order of all groups as they are numbered now (None: as they are numbered)."""
     rows = [[_rows(nodes, group.count) for nodes in group.nodes] for group in groups]
-    homes = np.full(elements.count, -1, np.int64)
+    homes = np.full(sum(block.count for block in blocks), -1, np.int64)
     firsts = np.cumsum([0, *(group.count for group in groups)]).tolist()
     for first, columns in zip(firsts, rows, strict=False):
         for r in columns:

@@ -6,12 +6,14 @@ seed, locale or folder; the user's names stand in tables and comments only; text
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 
 from hierc.compiler.emission import callees
-from hierc.compiler.emission.function import FunctionBody
+from hierc.compiler.emission.face import face
+from hierc.compiler.emission.function import BLOCK_ARRAYS, FunctionBody
 from hierc.compiler.emission.names import class_names, function_name
+from hierc.compiler.emission.packing import CONSTRUCTORS as OF_ARRAYS
 from hierc.compiler.emission.plan import Plan
 from hierc.compiler.emission.tables import DEFAULTS, tables
 from hierc.compiler.emission.target import (
@@ -26,6 +28,7 @@ from hierc.compiler.emission.target import (
     Text,
     show,
 )
+from hierc.compiler.symbolic.defaults import Defaults
 from hierc.compiler.symbolic.derive import Form
 from hierc.compiler.symbolic.graph import SYSTEMS, Value
 from hierc.compiler.symbolic.schedule import Program
@@ -55,7 +58,7 @@ def emit(plan: Plan) -> str:
             if any(v.op in SYSTEMS for v in plan.symbolic.values)
             else []
         ),
-        Import("hierc.runtime.contract", CONSTRUCTORS),
+        Import("hierc.runtime.contract", _constructors(plan)),
         *callees.imports(plan.symbolic.called),
         Import("hierc.runtime.model", ("Model",)),
         *callees.definitions(plan.symbolic.called),
@@ -65,7 +68,18 @@ def emit(plan: Plan) -> str:
         for function in _functions(plan.symbolic.values, name, form):
             statements += [Blank(2), function]
     statements += [Blank(2), Comment("---- tables ".ljust(90, "-")), Blank(2), _defaults(plan)]
-    return show([*statements, *tables(plan, names, CONTRACT, release)])
+    blocks = plan.symbolic.block_defaults
+    functions = [function_name(name, "defaults") for name in class_names(block.path for block in blocks)]
+    for name, block in zip(functions, blocks, strict=True):
+        statements += [Blank(2), _block_defaults(plan.symbolic.values, name, block)]
+    return show([*statements, *tables(plan, names, functions, CONTRACT, release), *face(plan)])
+
+
+def _constructors(plan: Plan) -> tuple[str, ...]:
+    """What the tables are made of; models without arrays have no columns."""
+    arrays = any(block.indices or block.count > 1 for block in plan.nodes)
+    columns = arrays or plan.start_order is not None or plan.order is not None
+    return tuple(sorted({*CONSTRUCTORS, *OF_ARRAYS})) if columns else CONSTRUCTORS
 
 
 def _header(plan: Plan, release: str) -> str:
@@ -129,9 +143,21 @@ def _equations(form: Form) -> dict[int, str]:
 def _defaults(plan: Plan) -> Function:
     """Sets what the user did not give; a default may refer to entries before it."""
     body: list[Statement] = []
-    paths = {p.first + k: p.path for p in plan.parameters for k in range(len(p.values))}
+    single = [p for p in plan.parameters if p.count == 1]
+    paths = {p.first + k: p.path for p in single for k in range(len(p.values))}
     for entry, program in plan.symbolic.defaults:
         given = Item("q", entry)
         setting = FunctionBody(plan.symbolic.values, "q", comments=paths).statements(program)
         body.append(If(Binary("!=", given, given), setting))
     return Function(DEFAULTS, ("q",), "Replaces each NaN by the parameter's default.", tuple(body))
+
+
+def _block_defaults(values: Sequence[Value], name: str, block: Defaults) -> Function:
+    """The same for one element of a block: `v` are its scalars, `a` what they use besides."""
+    body: list[Statement] = []
+    comments = dict(enumerate(block.names))
+    for entry, program in enumerate(block.programs):
+        given = Item("v", entry)
+        setting = FunctionBody(values, "v", comments=comments, prefix="b", arrays=BLOCK_ARRAYS)
+        body.append(If(Binary("!=", given, given), setting.statements(program)))
+    return Function(name, ("a", "v"), "Replaces each NaN by the parameter's default.", tuple(body))

@@ -98,7 +98,7 @@ def _method(name: str, arguments: Sequence[str], required: int, doc: str, rest: 
 
 def _states(plan: Plan) -> list[str]:
     """The names of all states, in the order of state vectors: group by group, element by element."""
-    elements = Elements(plan.nodes)
+    elements = Elements(block.first for block in plan.nodes)
     names: list[str] = []
     for group in plan.groups:
         entries = [_entry(plan, elements, members) for members in group.nodes]
@@ -109,7 +109,8 @@ def _states(plan: Plan) -> list[str]:
             inside = [
                 name for block, inner, states in entries for name in _in_group(block, inner, states, depth)
             ]
-            names.append(_joined(spelled(group.name, group.indices), inside))
+            around = "[]".join(entries[0][0].path.split("[]", depth)[:depth]) + "[]" * (depth > 0)
+            names.append(_joined(spelled(around, group.indices), inside))
     return names
 
 

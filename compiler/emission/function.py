@@ -32,7 +32,10 @@ from hierc.compiler.symbolic.schedule import Block, Branch, Compute, Program
 #: Operations in one expression.
 LARGEST = 6
 
-_ARRAYS = {"state": "x", "input": "u", "value": "p", "parameter": "q"}
+#: Where leaves are found.
+ARRAYS: Mapping[str, str] = {"state": "x", "input": "u", "value": "p", "parameter": "q"}
+#: The same in defaults of blocks: an element's own scalars, and what they use besides.
+BLOCK_ARRAYS: Mapping[str, str] = {"value": "v", "parameter": "a"}
 _OPERATORS: Mapping[str, Operator] = {
     "add": "+", "sub": "-", "mul": "*", "div": "/", "and": "and", "or": "or",
     "lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!=",
@@ -68,12 +71,14 @@ class FunctionBody:
         names: Mapping[int, str] | None = None,
         comments: Mapping[int, str] | None = None,
         prefix: str = "a",
+        arrays: Mapping[str, str] = ARRAYS,
     ) -> None:
         self._values = values
         self._output = output
         self._names = names or {}
         self._comments = comments or {}
         self._prefix = prefix
+        self._arrays = arrays
         self._count_of_names = 0
         self._named: dict[int, str] = {}  # what the scope being written may use
         self._inline: dict[int, tuple[Target, int]] = {}  # expression and its operations
@@ -131,11 +136,11 @@ class FunctionBody:
         return Item(self._output, first) if count == 1 else Slice(self._output, first, first + count)
 
     def _is_entry(self, value: int) -> bool:
-        return self._values[value].op in _ARRAYS
+        return self._values[value].op in self._arrays
 
     def _load(self, value: int) -> Assign:
         v = self._values[value]
-        array = _ARRAYS[v.op]
+        array = self._arrays[v.op]
         self._loaded[value] = f"{array}{v.index}"
         return Assign(Name(self._loaded[value]), Item(array, v.index))
 
@@ -234,7 +239,7 @@ class FunctionBody:
             case _ if value in self._loaded:
                 return Name(self._loaded[value])
             case _:
-                return Item(_ARRAYS[v.op], v.index)
+                return Item(self._arrays[v.op], v.index)
 
     def _test(self, value: int) -> Target:
         """A value as a condition."""

@@ -39,7 +39,7 @@ def packed(values: Integers) -> str:
     differences = np.diff(values, prepend=0)
     if (abs(differences) >= 2**31).any():
         raise ValueError("integers beyond 32 bits cannot be packed")
-    return b64encode(zlib.compress(differences.astype("<i4").tobytes(), 9)).decode("ascii")
+    return b64encode(zlib.compress(differences.astype("<i4").tobytes())).decode("ascii")
 
 
 def members(of: Members) -> Target:

@@ -23,7 +23,7 @@ class Places:
     """Finds what nodes read of each other, and what results name."""
 
     def __init__(self, model: Model, symbolic: Symbolic) -> None:
-        self.elements = Elements(model.nodes)
+        self.elements = Elements(node.first for node in model.nodes)
         self._symbolic = symbolic
 
     def channel(self, source: Source, count: int) -> Found:

@@ -1,28 +1,30 @@
-"""Emission of tables: the constructor calls at the end of a generated module, and the public face on import."""
+"""Emission of tables: the constructor calls at the end of a generated module."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 
 from hierc.compiler.callees.callee import Extern, Table
+from hierc.compiler.columns import Index
 from hierc.compiler.emission.callees import names_of
+from hierc.compiler.emission.calls import Block, Group
 from hierc.compiler.emission.names import function_name
-from hierc.compiler.emission.plan import Group, Node, Plan, Variable
+from hierc.compiler.emission.packing import column, index, members
+from hierc.compiler.emission.places import Found
+from hierc.compiler.emission.plan import Plan, Variable
 from hierc.compiler.emission.target import (
     Assign,
     Blank,
     Call,
     Constant,
     Dict,
-    Function,
     Name,
-    Return,
     Statement,
     Target,
     Tuple,
 )
-from hierc.compiler.model import Experiment, Parameter, Settings
+from hierc.compiler.model import Constants, Experiment, Parameter, Settings
+from hierc.compiler.symbolic.defaults import Defaults
 from hierc.compiler.symbolic.derive import Form
 
 #: The function that completes the parameter vector.
@@ -31,8 +33,10 @@ DEFAULTS = "parameter_defaults"
 SETTINGS = ("stop", "start", "rtol", "atol", "interval", "max_step", "min_step", "method")
 
 
-def tables(plan: Plan, names: Sequence[str], contract: int, release: str) -> list[Statement]:
-    """All tables, the model, and what a user calls."""
+def tables(
+    plan: Plan, names: Sequence[str], defaults: Sequence[str], contract: int, release: str
+) -> list[Statement]:
+    """All tables and the model. `names` are the classes', `defaults` those of the functions that set defaults of blocks."""
     forms = plan.symbolic.forms
     classes = [_class(name, form) for name, form in zip(names, forms, strict=True)]
     return [
@@ -42,11 +46,11 @@ def tables(plan: Plan, names: Sequence[str], contract: int, release: str) -> lis
         *_table("GROUP_TABLE", map(_group, plan.groups)),
         *_table("PARAMETER_TABLE", map(_parameter, plan.parameters)),
         *_table("VARIABLES", map(_variable, plan.variables)),
+        *(_table("DEFAULTS", map(_defaults, defaults, plan.symbolic.block_defaults)) if defaults else ()),
         Assign(Name("EXPERIMENT"), _experiment(plan.experiment)),
         Blank(),
         Assign(Name("MODEL"), Call("Model", (_plan(plan, contract, release), Name("__file__")))),
         Blank(),
-        *_face(plan),
     ]
 
 
@@ -62,10 +66,18 @@ def _texts(texts: Iterable[str]) -> Tuple:
     return Tuple(tuple(Constant(t) for t in texts))
 
 
-def _found(places: Iterable[tuple[int, str, int]]) -> Tuple:
-    return Tuple(
-        tuple(Tuple((Constant(node), Constant(kind), Constant(index))) for node, kind, index in places)
-    )
+def _columns(columns: Iterable[Index]) -> Tuple:
+    return Tuple(tuple(map(index, columns)))
+
+
+def _found(places: Iterable[Found]) -> Tuple:
+    return Tuple(tuple(Tuple((index(node), Constant(kind), index(at))) for node, kind, at in places))
+
+
+def _several(count: int, indices: Sequence[Index]) -> tuple[tuple[str, Target], ...]:
+    """The keywords of what has several elements."""
+    counted = (("count", Constant(count)),) if count != 1 else ()
+    return (*counted, ("indices", _columns(indices))) if indices else counted
 
 
 def _class(name: str, form: Form) -> Call:
@@ -98,15 +110,15 @@ def _class(name: str, form: Form) -> Call:
     return Call("Class", keywords=tuple(fields.items()))
 
 
-def _node(node: Node) -> Call:
-    return Call(
-        "Node", (Constant(node.path), Constant(node.kind), _numbers(node.parameters), _found(node.sources))
-    )
+def _node(node: Block) -> Call:
+    fields = (Constant(node.path), Constant(node.kind), _columns(node.parameters), _found(node.sources))
+    return Call("Node", fields, _several(node.count, node.indices))
 
 
 def _group(group: Group) -> Call:
-    calls = Tuple(tuple(_numbers(call) for call in group.calls))
-    return Call("Group", (Constant(group.name), _numbers(group.nodes), calls))
+    nodes = Tuple(tuple(map(members, group.nodes)))
+    calls = Tuple(tuple(Tuple((members(entry), Constant(part))) for entry, part in group.calls))
+    return Call("Group", (Constant(group.name), nodes, calls), _several(group.count, group.indices))
 
 
 def _parameter(parameter: Parameter) -> Call:
@@ -118,7 +130,8 @@ def _parameter(parameter: Parameter) -> Call:
         kind=(parameter.scalar, "real"),
         scale=(parameter.scale, 1.0),
     )
-    return Call("Parameter", (Constant(parameter.path), shape, first), rest)
+    several = _several(parameter.count, parameter.indices)
+    return Call("Parameter", (Constant(parameter.path), shape, first), rest + several)
 
 
 def _variable(variable: Variable) -> Call:
@@ -128,9 +141,19 @@ def _variable(variable: Variable) -> Call:
         access=(variable.access, "write"),
         scale=(variable.scale, 1.0),
     )
-    return Call(
-        "Variable", (Constant(variable.path), _numbers(variable.shape), _found(variable.elements)), rest
-    )
+    fields = (Constant(variable.path), _numbers(variable.shape), _found(variable.elements))
+    return Call("Variable", fields, rest + _several(variable.count, variable.indices))
+
+
+def _defaults(function: str, defaults: Defaults) -> Call:
+    given, entries = _columns(defaults.given), _columns(defaults.entries)
+    return Call("Defaults", (Name(function), given, entries, Constant(defaults.count)))
+
+
+def _constants(constants: Constants) -> Tuple:
+    values = constants.values
+    numbers = Tuple(tuple(map(Constant, values))) if isinstance(values, tuple) else column(values)
+    return Tuple((Constant(constants.first), Constant(len(values)), numbers))
 
 
 def _given(
@@ -176,71 +199,12 @@ def _plan(plan: Plan, contract: int, release: str) -> Call:
     }
     if called := plan.symbolic.called:
         fields |= {"tables": names_of(called, Table), "externs": names_of(called, Extern)}
+    if plan.constants:
+        fields["constants"] = Tuple(tuple(map(_constants, plan.constants)))
+    if plan.symbolic.block_defaults:
+        fields["defaults"] = Name("DEFAULTS")
+    if plan.order is not None:
+        fields["order"] = index(plan.order)
+    if plan.start_order is not None:
+        fields["start_order"] = index(plan.start_order)
     return Call("Plan", keywords=tuple(fields.items()))
-
-
-# ---- the public face ------------------------------------------------------------------------
-
-_SIMULATE = """Simulates the model; what is not given is as in its experiment.
-
-stop      end time [s]
-rtol      relative tolerance
-atol      absolute tolerance, times each state's nominal value
-params    parameters by path (PARAMETERS) in their declared units, replacing their defaults
-settings  start, interval, max_step, min_step, method
-
-Returns a `hierc.runtime.result.Result`.
-"""
-
-_RHS = """The derivatives of all states, shape ({states},), at time t [s], for scipy.integrate.solve_ivp and the like.
-
-x       states, shape ({states},), in the order of STATES, in SI units
-params  parameters by path (PARAMETERS) in their declared units, replacing their defaults
-
-NaN where an equation is not defined."""
-
-_JACOBIAN = (
-    """The derivatives of `rhs` by the states, shape ({states}, {states}), exact; arguments as for `rhs`."""
-)
-
-#: Names that a docstring lists; beyond that the constants have them all.
-LISTED = 40
-
-
-def _face(plan: Plan) -> list[Statement]:
-    states = [
-        f"{plan.nodes[n].path}.{name}" if plan.nodes[n].path else name
-        for group in plan.groups  # the order of state vectors
-        for n in group.nodes
-        for name in plan.symbolic.forms[plan.nodes[n].kind].states
-    ]
-    names = {
-        "PARAMETERS": [p.path for p in plan.parameters],
-        "STATES": states,
-        "GROUPS": [g.name for g in plan.groups],
-    }
-    simulate = "\n".join([_SIMULATE, *(_listing(title, listed) for title, listed in names.items())])
-    count = len(states)
-    return [
-        *(Assign(Name(name), _texts(listed)) for name, listed in names.items()),
-        *_method("simulate", ("stop", "rtol", "atol", "params"), 0, simulate, rest="settings"),
-        *_method("rhs", ("t", "x", "params"), 2, _RHS.format(states=count)),
-        *_method("jacobian", ("t", "x", "params"), 2, _JACOBIAN.format(states=count)),
-    ]
-
-
-def _listing(title: str, names: Sequence[str]) -> str:
-    shown = ", ".join(names[:LISTED]) or "none"
-    more = f", and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    return textwrap.fill(
-        f"{title.capitalize()}: {shown}{more}", 100, subsequent_indent="    ", break_on_hyphens=False
-    )
-
-
-def _method(name: str, arguments: Sequence[str], required: int, doc: str, rest: str = "") -> list[Statement]:
-    """A function that calls the model's method of the same name."""
-    parameters = [a if k < required else f"{a}=None" for k, a in enumerate(arguments)]
-    if rest:
-        parameters.append(f"**{rest}")
-    call = Call(f"MODEL.{name}", tuple(Name(a) for a in arguments), rest=rest)
-    return [Blank(2), Function(name, tuple(parameters), doc, (Return(call),))]

@@ -70,7 +70,8 @@ class _Block:
         self._given: dict[Index, int] = {}
 
     def defaults(self) -> Defaults:
-        names, programs = [], []
+        names: list[str] = []
+        programs: list[Program] = []
         for parameter in self._parameters:
             size = len(parameter.values)
             elements = parameter.first + size * np.arange(self._count)

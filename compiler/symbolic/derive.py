@@ -7,13 +7,16 @@ parameters); what depends on parameters alone is computed by `fill`, once a run;
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from typing import Literal
 
-from hierc.compiler.model import Model, Node, Source
+from hierc.compiler.elements import Elements
+from hierc.compiler.model import Model, Node
 from hierc.compiler.symbolic.algebra import tidy
+from hierc.compiler.symbolic.channels import Key, Keys, keys
+from hierc.compiler.symbolic.defaults import Defaults, block_defaults, single_defaults
 from hierc.compiler.symbolic.derivative import jacobian
 from hierc.compiler.symbolic.graph import Called, Graph, Value
 from hierc.compiler.symbolic.lower import Lowering
@@ -21,8 +24,6 @@ from hierc.compiler.symbolic.reduce import constants, expand, replace
 from hierc.compiler.symbolic.schedule import Program, flops, schedule
 from hierc.grammar.source import Span
 
-#: A scalar of a node that others name: a rate by its state, an algebraic variable by its definition.
-Key = tuple[Literal["state", "rate", "local"], int]
 #: Where it is found at run time.
 Place = tuple[Literal["state", "out", "observed"], int]
 Stores = list[tuple[int, int]]
@@ -86,7 +87,8 @@ class Symbolic:
     kinds: tuple[int, ...]  # the form of each node
     defaults: tuple[
         tuple[int, Program], ...
-    ]  # for each scalar parameter: its entry, and a program that sets it
+    ]  # for each scalar parameter of single agents: its entry, and a program that sets it
+    block_defaults: tuple[Defaults, ...]  # of blocks of agents, in order
     called: tuple[Called, ...]  # tables and external functions that programs call
 
 
@@ -95,14 +97,21 @@ def derive(model: Model) -> Symbolic:
     graph = Graph()
     lowered = [_lower(graph, node) for node in model.nodes]
     kinds, firsts = _classes(model.nodes, lowered)
-    read = _read(model, kinds, len(firsts))
-    recorded = _recorded(model, kinds, len(firsts))
+    elements = Elements(node.first for node in model.nodes)
+
+    def is_state(kind: int, key: Key) -> bool:
+        return key[0] == "state" or graph.values[_named(graph, lowered[firsts[kind]], key)].op == "state"
+
+    inputs = [(s, node.count) for node in model.nodes for s in node.inputs]
+    recorded = [(s, variable.count) for variable in model.variables for s in variable.elements]
+    channels = keys(inputs, elements, kinds, len(firsts), is_state)
+    records = keys(recorded, elements, kinds, len(firsts), is_state)
     forms = tuple(
-        _FormBuilder(graph, model.nodes[n], lowered[n]).form(read[k], recorded[k])
+        _FormBuilder(graph, model.nodes[n], lowered[n]).form(channels[k], records[k])
         for k, n in enumerate(firsts)
     )
-    defaults = _defaults(graph, model)
-    return Symbolic(tuple(graph.values), forms, kinds, defaults, tuple(graph.called))
+    singles, blocks = single_defaults(graph, model), block_defaults(graph, model)
+    return Symbolic(tuple(graph.values), forms, kinds, singles, blocks, tuple(graph.called))
 
 
 # ---- classes ----------------------------------------------------------------------------
@@ -143,32 +152,15 @@ def _classes(nodes: Sequence[Node], lowered: Sequence[_Lowered]) -> tuple[tuple[
     return tuple(kinds), firsts
 
 
-def _read(model: Model, kinds: Sequence[int], count: int) -> list[list[Key]]:
-    """For each class, what nodes read of any of its nodes, in a fixed order."""
-    return _union((s for node in model.nodes for s in node.inputs), kinds, count)
-
-
-def _recorded(model: Model, kinds: Sequence[int], count: int) -> list[list[Key]]:
-    """For each class, what results may name of any of its nodes."""
-    return _union((s for variable in model.variables for s in variable.elements), kinds, count)
-
-
-def _union(sources: Iterable[Source], kinds: Sequence[int], count: int) -> list[list[Key]]:
-    keys: list[set[Key]] = [set() for _ in range(count)]
-    for s in sources:
-        keys[kinds[s.node]].add((s.kind, s.index))
-    return [sorted(k) for k in keys]
-
-
-def _defaults(graph: Graph, model: Model) -> tuple[tuple[int, Program], ...]:
-    found = []
-    for parameter in model.parameters:
-        for k, expression in enumerate(parameter.values):
-            value = Lowering(graph).value(expression)
-            value = expand(graph, [value])[value]
-            entry = parameter.first + k
-            found.append((entry, schedule(graph, [(entry, value)], parameter.span)))
-    return tuple(found)
+def _named(graph: Graph, lowered: _Lowered, key: Key) -> int:
+    """The value of what others name."""
+    match key:
+        case ("state", index):
+            return graph.leaf("state", index)
+        case ("rate", index):
+            return lowered.rates[index]
+        case (_, index):
+            return lowered.definitions[index]
 
 
 # ---- one class ------------------------------------------------------------------------------
@@ -182,7 +174,7 @@ class _FormBuilder:
         self._node = node
         self._lowered = lowered
 
-    def form(self, read: Sequence[Key], recorded: Sequence[Key]) -> Form:
+    def form(self, read: Keys, recorded: Keys) -> Form:
         graph, node, lowered = self._graph, self._node, self._lowered
         channels, outs = self._places(read, "out")
         records, observed = self._places(recorded, "observed")
@@ -226,28 +218,19 @@ class _FormBuilder:
         )
 
     def _places(
-        self, keys: Sequence[Key], kind: Literal["out", "observed"]
+        self, named: Keys, kind: Literal["out", "observed"]
     ) -> tuple[dict[Key, Place], list[int]]:
-        """Where each scalar is found, and the values that must be computed for it: none for what is just a state."""
+        """Where each scalar is found, and the values that must be computed for it: none for what may just be a state."""
         places: dict[Key, Place] = {}
         values: dict[int, int] = {}
-        for key in keys:
-            value = self._value(key)
+        for key, computed in named.items():
+            value = _named(self._graph, self._lowered, key)
             leaf = self._graph.values[value]
-            if leaf.op == "state":
+            if leaf.op == "state" and not computed:
                 places[key] = ("state", leaf.index)
             else:
                 places[key] = (kind, values.setdefault(value, len(values)))
         return places, list(values)
-
-    def _value(self, key: Key) -> int:
-        match key:
-            case ("state", index):
-                return self._graph.leaf("state", index)
-            case ("rate", index):
-                return self._lowered.rates[index]
-            case (_, index):
-                return self._lowered.definitions[index]
 
     def _jacobian(self, outs: Sequence[int]) -> tuple[tuple[tuple[int, int], ...], list[int]]:
         """Pattern and entries of d(rates, outs)/d(states, inputs)."""

@@ -9,20 +9,45 @@ The right operand of `and` and `or` is evaluated in vain at most when it cannot 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import assert_never
 
-from hierc.compiler.expression import Apply, Choose, Expr, Input, Local, Number, Parameter, Rate, State, Time
+from hierc.compiler.columns import Index
+from hierc.compiler.expression import (
+    Apply,
+    Choose,
+    Expr,
+    Gather,
+    Input,
+    Local,
+    Number,
+    Parameter,
+    Rate,
+    State,
+    Time,
+)
 from hierc.compiler.model import Node
 from hierc.compiler.symbolic.graph import Graph
 
 
 class Lowering:
-    """Lowers expressions of one node. With `initial`, states stand for their initial values."""
+    """Lowers expressions of one node. With `initial`, states stand for their initial values.
 
-    def __init__(self, graph: Graph, node: Node | None = None, *, initial: bool = False) -> None:
+    Values of parameters have no node: `entry` gives the value of what they use of the parameter vector.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        node: Node | None = None,
+        *,
+        initial: bool = False,
+        entry: Callable[[Index], int] | None = None,
+    ) -> None:
         self._graph = graph
         self._node = node
         self._initial = initial
+        self._entry = entry
         self._done: dict[int, int] = {}  # by identity: comparing deep trees would recurse
 
     def value(self, expression: Expr) -> int:
@@ -59,7 +84,7 @@ class Lowering:
                 return (self._owner().states[index].rate,)
             case State(index=index) if self._initial:
                 return (self._owner().states[index].initial,)
-            case Number() | Time() | State() | Input() | Parameter():
+            case Number() | Time() | State() | Input() | Parameter() | Gather():
                 return ()
             case _:
                 assert_never(e)
@@ -93,8 +118,12 @@ class Lowering:
                 return graph.leaf("time")
             case Input(index=index):
                 return graph.leaf("input", index)
+            case Parameter(index=index) | Gather(kind="parameter", at=index) if self._entry is not None:
+                return self._entry(index)
             case Parameter(index=index):
                 return graph.leaf("parameter", index)
+            case Gather():
+                raise ValueError("what elements gather was not made an input or parameter of their node")
             case _:
                 assert_never(e)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from itertools import groupby, takewhile
 
 from hierc.compiler.diagram import Diagram, Member
@@ -27,22 +27,21 @@ class Marks:
     """The signs of the table."""
 
     own: str
+    array: str
     reads: str
     same_block: str
     nothing: str
     rule: str
 
 
-UNICODE = Marks(own="■", reads="●", same_block="□", nothing="·", rule="─")
-ASCII = Marks(own="#", reads="x", same_block="o", nothing=".", rule="-")
+UNICODE = Marks(own="■", array="▣", reads="●", same_block="□", nothing="·", rule="─")
+ASCII = Marks(own="#", array="@", reads="x", same_block="o", nothing=".", rule="-")
 
 
 def marks_for(encoding: str | None) -> Marks:
     """Box characters where the terminal's encoding has them."""
     try:
-        "".join((UNICODE.own, UNICODE.reads, UNICODE.same_block, UNICODE.nothing, UNICODE.rule)).encode(
-            encoding or "ascii"
-        )
+        "".join(astuple(UNICODE)).encode(encoding or "ascii")
     except (UnicodeEncodeError, LookupError):
         return ASCII
     return UNICODE
@@ -93,8 +92,8 @@ def _heads(levels: Sequence[str], before: Sequence[str], margin: int) -> Iterato
 
 def _title(diagram: Diagram) -> str:
     experiment = f", experiment {diagram.experiment}" if diagram.experiment else ""
-    states = sum(len(member.states) for member in diagram.members)
-    counts = f"{_count(len(diagram.groups), 'group')}, {_count(states, 'state')}"
+    states = sum(len(member.states) * member.count for member in diagram.members)
+    counts = f"{_count(diagram.group_count, 'group')}, {_count(states, 'state')}"
     return f"{diagram.model} ({visible(diagram.file)}){experiment}: {counts}"
 
 
@@ -117,7 +116,7 @@ def _columns(diagram: Diagram, marks: Marks) -> list[list[str]]:
         ["", *(str(i).rjust(size) for i in range(1, len(members) + 1))],
         ["group", *groups],
         ["agent", *(_label(member) for member in members)],
-        ["states", *(str(len(member.states)).rjust(6) for member in members)],
+        ["states", *(_states(member).rjust(6) for member in members)],
         [head, *(" ".join(s.rjust(size) for s in _signs(members, i, marks)) for i in range(len(members)))],
     ]
 
@@ -126,13 +125,19 @@ def _label(member: Member) -> str:
     return f"{member.path}: {member.template}" if member.path != member.template else member.path
 
 
+def _states(member: Member) -> str:
+    """How many states it has; for an array, the elements times the states of each."""
+    several = member.count > 1 and member.states
+    return f"{member.count}x{len(member.states)}" if several else str(len(member.states))
+
+
 def _signs(members: Sequence[Member], row: int, marks: Marks) -> Iterator[str]:
     """A row of the matrix."""
     here = members[row]
     read = {reading.owner for reading in here.reads}
     for column, member in enumerate(members):
         if column == row:
-            yield marks.own
+            yield marks.array if column in read else marks.own
         elif column in read:
             yield marks.reads
         elif member.block == here.block:
@@ -156,9 +161,16 @@ def _legend(diagram: Diagram, marks: Marks, *, shown: bool) -> Iterator[str]:
     if not shown:
         yield "The matrix has no room here: -o graph.svg draws it."
     else:
-        block = any(a.block == b.block for a, b in zip(diagram.members, diagram.members[1:], strict=False))
-        inside = f"   {marks.same_block} same group" if block else ""
-        yield f"Rows read columns: {marks.own} own equations   {marks.reads} reads{inside}"
+        pairs = [
+            (a, b) for a, b in zip(diagram.members, diagram.members[1:], strict=False) if a.block == b.block
+        ]
+        array = any(reading.owner == i for i, m in enumerate(diagram.members) for reading in m.reads)
+        own = f"{marks.own} own equations" + (
+            f"   {marks.array} the same, reading others of the array" * array
+        )
+        rounds = any(a.group != b.group and None not in (a.group, b.group) for a, b in pairs)
+        inside = f"   {marks.same_block} same group{', or reading in turn' * rounds}" if pairs else ""
+        yield f"Rows read columns: {own}   {marks.reads} reads{inside}"
     if any(member.group is None for member in diagram.members):
         yield "What has no states is in no group (-): it is computed where it is read."
 
@@ -183,6 +195,7 @@ def to_json(diagram: Diagram) -> str:
                 "agent": member.template,
                 "levels": list(member.levels),
                 "group": member.group,
+                **({"count": member.count} if member.count > 1 else {}),
                 "states": list(member.states),
                 "reads": [
                     {"of": members[reading.owner].path, "variables": list(reading.names)}

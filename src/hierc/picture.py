@@ -6,7 +6,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from hierc.compiler.diagram import Diagram
+from hierc.compiler.diagram import Diagram, Member
 from hierc.runtime.files import write_whole
 
 if TYPE_CHECKING:
@@ -94,14 +94,28 @@ def _draw_names(axes: Axes, diagram: Diagram) -> None:
         states = (
             f"{len(member.states)} state{'s' * (len(member.states) != 1)}" if member.states else "no states"
         )
-        axes.text(row + 0.5, row + 0.5, states, ha="center", va="center", fontsize=8, color=_INK)
+        states += " each" * (member.count > 1)
+        inside = any(reading.owner == row for reading in member.reads)
+        axes.text(
+            row + 0.5,
+            row + (0.25 if inside else 0.5),
+            states,
+            ha="center",
+            va="center",
+            fontsize=8,
+            color=_INK,
+        )
         for reading in member.reads:
-            text = _folded(
-                [name.removeprefix(f"{diagram.members[reading.owner].path}.") for name in reading.names]
-            )
+            text = _folded([_short(name, diagram.members[reading.owner]) for name in reading.names])
+            below = 0.15 if reading.owner == row else 0.0  # what is read of the same array
             axes.text(
-                reading.owner + 0.5, row + 0.5, text, ha="center", va="center", fontsize=8, color=_READ, weight="bold"
+                reading.owner + 0.5, row + 0.5 + below, text, ha="center", va="center", fontsize=8, color=_READ, weight="bold"
             )  # fmt: skip
+
+
+def _short(name: str, owner: Member) -> str:
+    """A name without the path of the agent that has it; elements of arrays are left out."""
+    return name.rpartition("].")[2] if owner.count > 1 else name.removeprefix(f"{owner.path}.")
 
 
 def _folded(names: list[str], most: int = 6) -> str:
@@ -131,7 +145,7 @@ def _label_axes(axes: Axes, diagram: Diagram) -> None:
     if len(members) > _MOST_LABELLED:
         axes.set_xticks([])
         axes.set_yticks([])
-        axes.set_xlabel(f"{len(members)} agents in {len(diagram.groups)} groups", fontsize=8)
+        axes.set_xlabel(f"{len(members)} agents in {diagram.group_count} groups", fontsize=8)
         return
     centres = [i + 0.5 for i in range(len(members))]
     axes.set_xticks(centres, [member.path for member in members])

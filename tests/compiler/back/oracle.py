@@ -6,12 +6,15 @@ runtime does, slowly: it knows nothing of how the tables came about.
 
 from __future__ import annotations
 
+import base64
 import math
 import sys
 import types
+import zlib
 from unittest import mock
 
 import mpmath
+import numpy as np
 
 from hierc.compiler import expression as e
 from hierc.compiler import model as m
@@ -166,6 +169,58 @@ class Interpreter:
 # ---- a module's tables, as the contract says -------------------------------------------------
 
 
+def integers(index: contract.Index, count: int) -> list[int]:
+    """One integer for each of `count` elements."""
+    match index:
+        case int():
+            return [index] * count
+        case contract.Steps(first, step):
+            return [first + k * step for k in range(count)]
+        case contract.Packed(text):
+            differences = np.frombuffer(zlib.decompress(base64.b64decode(text)), "<i4")
+            found = np.cumsum(differences.astype(np.int64)).tolist()
+        case _:
+            found = list(index)
+    assert len(found) == count
+    return found
+
+
+def elements(node: contract.Node) -> list[contract.Node]:
+    """The elements of a block, each as a block of one."""
+    parameters = [integers(p, node.count) for p in node.parameters]
+    sources = [(integers(n, node.count), what, integers(i, node.count)) for n, what, i in node.sources]
+    return [
+        contract.Node(
+            node.path,
+            node.kind,
+            tuple(p[k] for p in parameters),
+            tuple((n[k], what, i[k]) for n, what, i in sources),
+        )
+        for k in range(node.count)
+    ]
+
+
+def groups(family: contract.Group) -> list[contract.Group]:
+    """The groups of a family, each as a family of one."""
+
+    def members(entry) -> list[list[int]]:
+        if isinstance(entry, contract.Run):
+            row = [entry.first + k * entry.step for k in range(entry.count)]
+            return [[n + g * entry.shift for n in row] for g in range(family.count)]
+        return [[n] for n in integers(entry, family.count)]
+
+    nodes = [members(entry) for entry in family.nodes]
+    calls = [(members(entry), part) for entry, part in family.calls]
+    return [
+        contract.Group(
+            family.name,
+            tuple(n for entry in nodes for n in entry[g]),
+            tuple((n, part) for entry, part in calls for n in entry[g]),
+        )
+        for g in range(family.count)
+    ]
+
+
 class System:
     """A loaded module with its parameters set."""
 
@@ -175,24 +230,40 @@ class System:
         self.q = [math.nan] * self.plan.parameter_count
         for k, value in (given or {}).items():
             self.q[k] = value
+        for first, count, index in self.plan.constants:
+            self.q[first : first + count] = integers(index, count)
         self.plan.parameters_function(self.q)
-        self.p = [self.fill(n) for n in range(len(self.plan.nodes))]
+        for defaults in self.plan.defaults:
+            self.complete(defaults)
+        self.nodes = [element for node in self.plan.nodes for element in elements(node)]
+        self.groups = [group for family in self.plan.groups for group in groups(family)]
+        self.p = [self.fill(n) for n in range(len(self.nodes))]
+
+    def complete(self, defaults: contract.Defaults) -> None:
+        given = [integers(i, defaults.count) for i in defaults.given]
+        entries = [integers(i, defaults.count) for i in defaults.entries]
+        for k in range(defaults.count):
+            v = [self.q[column[k]] for column in entries]
+            defaults.function([self.q[column[k]] for column in given], v)
+            for column, value in zip(entries, v, strict=True):
+                self.q[column[k]] = value
 
     def form(self, n: int) -> contract.Class:
-        return self.plan.classes[self.plan.nodes[n].kind]
+        return self.plan.classes[self.nodes[n].kind]
 
     def fill(self, n: int) -> list[float]:
         p = [math.nan] * self.form(n).values
-        self.form(n).fill([self.q[k] for k in self.plan.nodes[n].parameters], p)
+        self.form(n).fill([self.q[k] for k in self.nodes[n].parameters], p)
         return p
 
     def initial(self, t: float = 0.0):
         """Initial values by the passes that the plan asks for."""
-        states = [[math.nan] * len(self.form(n).states) for n in range(len(self.plan.nodes))]
+        states = [[math.nan] * len(self.form(n).states) for n in range(len(self.nodes))]
+        order = self.plan.start_order
         for _ in range(self.plan.start_passes):
             outs: dict = {}
-            for n in range(len(self.plan.nodes)):
-                u = [self.tolerant(t, states, outs, s) for s in self.plan.nodes[n].sources]
+            for n in range(len(self.nodes)) if order is None else integers(order, len(self.nodes)):
+                u = [self.tolerant(t, states, outs, s) for s in self.nodes[n].sources]
                 self.form(n).start(t, u, self.p[n], states[n])
         return states
 
@@ -211,7 +282,7 @@ class System:
             part = next(p for p in form.parts if index in p.outs)
             u = [math.nan] * form.inputs  # what a part does not declare it does not see
             for k in part.inputs:
-                u[k] = self.read(t, states, outs, self.plan.nodes[node].sources[k])
+                u[k] = self.read(t, states, outs, self.nodes[node].sources[k])
             y = [math.nan] * form.outs
             part.function(t, states[node], u, [], self.p[node], y)
             outs.update({(node, o): y[o] for o in part.outs})
@@ -219,7 +290,7 @@ class System:
 
     def inputs(self, t, states, n):
         outs: dict = {}
-        return [self.read(t, states, outs, s) for s in self.plan.nodes[n].sources]
+        return [self.read(t, states, outs, s) for s in self.nodes[n].sources]
 
     def rates(self, t, states, n):
         dx = [math.nan] * len(self.form(n).states)
@@ -241,14 +312,14 @@ class System:
     def flat(self, t, x):
         """All rates as one vector, for integrators."""
         states, first = [], 0
-        for n in range(len(self.plan.nodes)):
+        for n in range(len(self.nodes)):
             size = len(self.form(n).states)
             states.append([float(v) for v in x[first : first + size]])
             first += size
         outs: dict = {}
         found = []
-        for n in range(len(self.plan.nodes)):
-            u = [self.read(t, states, outs, s) for s in self.plan.nodes[n].sources]
+        for n in range(len(self.nodes)):
+            u = [self.read(t, states, outs, s) for s in self.nodes[n].sources]
             dx = [math.nan] * len(states[n])
             self.form(n).rhs(t, states[n], u, [], self.p[n], dx)
             found += dx
@@ -256,15 +327,15 @@ class System:
 
     def group(self, g: int, t, states):
         """Rates of a group by its calls alone; outs it does not set itself are channels, those it should set start as NaN."""
-        group = self.plan.groups[g]
+        group = self.groups[g]
         outs: dict = {}
         members = set(group.nodes)
-        home = {n for other in self.plan.groups for n in other.nodes} - members
+        home = {n for other in self.groups for n in other.nodes} - members
         found = {}
         for n, part in group.calls:
             form = self.form(n)
             u = []
-            for source, kind, index in self.plan.nodes[n].sources:
+            for source, kind, index in self.nodes[n].sources:
                 if kind == "out" and source not in home:
                     u.append(outs.get((source, index), math.nan))
                 else:

@@ -7,7 +7,8 @@ from hand import TIME, Agent, build, ring, toy
 from oracle import Interpreter, System, generate, ulps
 
 from hierc.compiler import expression as e
-from hierc.compiler.emission.plan import ordered
+from hierc.compiler.emission.sequence import ordered
+from hierc.runtime.contract import Steps
 
 
 def test_a_toy_cascade():
@@ -127,11 +128,25 @@ def initial_chain(order):
     return build("M", [agents[p] for p in order], {p: [p] for p in order})
 
 
-@pytest.mark.parametrize(("order", "passes"), [("abc", 1), ("acb", 2), ("cba", 3), ("bac", 2)])
-def test_initial_values_settle_in_the_passes_planned(order, passes):
+@pytest.mark.parametrize(
+    ("order", "start"), [("abc", None), ("acb", (0, 2, 1)), ("cba", Steps(2, -1)), ("bac", (1, 0, 2))]
+)
+def test_initial_values_settle_in_one_pass_in_the_order_planned(order, start):
     system = System(generate(initial_chain(order)))
-    assert system.plan.start_passes == passes
+    assert (system.plan.start_passes, system.plan.start_order) == (1, start)
     assert dict(zip(order, system.initial(), strict=True)) == {"a": [3.0], "b": [6.0], "c": [7.0]}
+
+
+def test_initial_values_of_agents_that_need_each_other_take_passes():
+    """b.y = a.x + 1 and a.z = 2 b.y: no order of the two agents will do."""
+    a, b = Agent("a", "A"), Agent("b", "B")
+    y = a.read("b", "y")
+    a.diff("x", -a.state("x", 3.0))
+    a.diff("z", -a.state("z", 2 * y))
+    b.diff("y", -b.state("y", b.read("a", "x") + 1))
+    system = System(generate(build("M", [a, b], {"g": ["a", "b"]})))
+    assert (system.plan.start_passes, system.plan.start_order) == (2, None)
+    assert system.initial() == [[3.0, 8.0], [4.0]]
 
 
 def test_initial_values_of_states_and_lets_in_one_agent():

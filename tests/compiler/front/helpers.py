@@ -44,9 +44,9 @@ def form(node: Node) -> Node:
 
 def reads(model: Model, path: str) -> list[str]:
     """What a node reads: `plan.p[1]'`."""
-    from hierc.compiler.formula import source_name
+    from hierc.compiler.formula import Names
 
-    return [source_name(model, source) for source in node(model, path).inputs]
+    return [Names(model).source(source) for source in node(model, path).inputs]
 
 
 def groups(model: Model) -> dict[str, list[str]]:
