@@ -63,3 +63,26 @@ def expanded(index: Index, count: int) -> Integers:
 def taken(index: Index, places: Integers) -> Index:
     """What the elements at `places` have."""
     return index if isinstance(index, int) else column(index.values[places])
+
+
+def added(index: Index, more: int) -> Index:
+    """Every integer with `more` added."""
+    return index + more if isinstance(index, int) else Column(index.values + more)
+
+
+def difference(left: Index, right: Index) -> Index:
+    """left - right, element by element."""
+    if isinstance(left, int) and isinstance(right, int):
+        return left - right
+    count = len(left) if isinstance(left, Column) else len(right) if isinstance(right, Column) else 1
+    return column(expanded(left, count) - expanded(right, count))
+
+
+def mapped(index: Index, table: Integers) -> Index:
+    """Every integer as the entry of a table at that place."""
+    return int(table[index]) if isinstance(index, int) else column(table[index.values])
+
+
+def column_of(values: Integers) -> Index:
+    """A column of `values`, which differ from each other, or the only one of them."""
+    return int(values[0]) if len(values) == 1 else Column(values)

@@ -17,14 +17,17 @@ A phase collects all problems it can find; the first phase with errors is the la
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from hierc.compiler.callees.externs import make_externs
 from hierc.compiler.callees.tables import read_tables
-from hierc.compiler.cascade.grouping import make_groups
+from hierc.compiler.cascade.grouping import Family, make_groups
 from hierc.compiler.cascade.proof import prove_cascade
 from hierc.compiler.collector import Collector, Rejected
+from hierc.compiler.columns import Column, column, column_of, mapped
 from hierc.compiler.context import Context
 from hierc.compiler.equations.definitions import check_equations
 from hierc.compiler.equations.loops import check_loops
@@ -37,6 +40,7 @@ from hierc.compiler.resolve.declarations import Library
 from hierc.compiler.resolve.names import Names, check_names, names_of
 from hierc.compiler.resolve.outside import Given, check_given
 from hierc.compiler.shapes.evaluate import Budget
+from hierc.compiler.structure.elaboration import elaborate
 from hierc.compiler.structure.experiments import (
     Choice,
     choose,
@@ -48,7 +52,7 @@ from hierc.compiler.structure.flat import Flat
 from hierc.compiler.structure.flatten import flatten
 from hierc.compiler.structure.instances import instances
 from hierc.compiler.structure.nodes import make_nodes
-from hierc.compiler.structure.parameters import Parameters, make_parameters
+from hierc.compiler.structure.parameters import ParameterBuilder, Parameters
 from hierc.compiler.structure.relations import told_once, warn_of_jumps
 from hierc.compiler.units.checks import check_declared_units, check_experiment_units, check_units
 from hierc.grammar import tree
@@ -133,17 +137,17 @@ def _model(
         library, names, file_constants(library, names.consts, budget, problems), budget, problems
     )
     try:
-        agents = instances(library, choice.agent)
+        outline = instances(library, choice.agent)
     except Rejected as rejection:
         problems.rejected(rejection)
-        agents = ()
+        outline = ()
     problems.stop_on_errors()
-    gifts = resolve_gifts(library, choice.experiment, agents, problems)
+    gifts = resolve_gifts(library, choice.experiment, outline, problems)
     problems.stop_on_errors()
     if choice.experiment is not None:
         check_experiment_units(library, choice.experiment, problems, strict=strict_units)
         problems.stop_on_errors()
-    parameters = make_parameters(context, agents, gifts.arguments, overrides)
+    agents, parameters = elaborate(context, outline, ParameterBuilder(context, gifts.arguments, overrides))
     problems.stop_on_errors()
     check_given(parameters.entries, overrides)
     flat = flatten(context, agents, parameters, choice.experiment, gifts.initials)
@@ -155,15 +159,15 @@ def _model(
 def _arranged(context: Context, flat: Flat, parameters: Parameters, choice: Choice) -> Model:
     """Prove the cascade, group the nodes, and put everything in order."""
     agent, problems = choice.agent, context.problems
-    made = make_nodes(flat)
+    made = make_nodes(flat, parameters.tables)
     local = made.nodes
     cascade = prove_cascade(flat.instances, flat.nodes, local, problems)
     problems.stop_on_errors()
     grouping = make_groups(agent.name, flat.instances, flat.nodes, local, cascade, problems)
-    place = {old: new for new, old in enumerate(grouping.order)}
-    nodes = tuple(_moved(local[old].node, place) for old in grouping.order)
-    groups = tuple(Group(group.name, tuple(place[n] for n in group.nodes)) for group in grouping.groups)
-    variables = tuple(replace(v, elements=_sources(v.elements, place)) for v in made.variables)
+    moved = Moved([here.node for here in local], grouping.order)
+    nodes = tuple(moved.node(local[old].node, new) for new, old in enumerate(grouping.order))
+    groups = tuple(moved.group(family) for family in grouping.families)
+    variables = tuple(replace(v, elements=moved.sources(v.elements)) for v in made.variables)
     experiment = resolve_experiment(
         choice.experiment, context.environment(), nodes, groups, variables, problems
     )
@@ -174,19 +178,38 @@ def _arranged(context: Context, flat: Flat, parameters: Parameters, choice: Choi
         doc=agent.definition.doc,
         sources=context.library.sources,
         parameters=parameters.entries,
-        parameter_count=parameters.count,
+        parameter_count=parameters.tables.count,
         nodes=nodes,
         groups=groups,
         variables=variables,
         experiment=experiment,
         warnings=told_once(problems.in_source_order()),
+        constants=parameters.tables.constants(),
+        order=None if grouping.group_order is None else Column(grouping.group_order),
     )
 
 
-def _moved(node: Node, place: Mapping[int, int]) -> Node:
-    """A node with its new id, reading from nodes by their new ids."""
-    return replace(node, id=place[node.id], first=place[node.id], inputs=_sources(node.inputs, place))
+class Moved:
+    """Nodes in another order: elements are numbered anew."""
 
+    def __init__(self, nodes: Sequence[Node], order: Sequence[int]) -> None:
+        counts = [nodes[old].count for old in order]
+        self._first = np.cumsum([0, *counts])
+        self._number = np.empty(int(self._first[-1]), np.int64)
+        for new, old in enumerate(order):
+            elements = np.arange(nodes[old].count)
+            self._number[nodes[old].first + elements] = self._first[new] + elements
 
-def _sources(sources: Iterable[Source], place: Mapping[int, int]) -> tuple[Source, ...]:
-    return tuple(replace(source, node=place[source.node]) for source in sources)
+    def node(self, node: Node, new: int) -> Node:
+        """A node in its new place, reading from elements by their new numbers."""
+        return replace(node, id=new, first=int(self._first[new]), inputs=self.sources(node.inputs))
+
+    def group(self, family: Family) -> Group:
+        """A family of groups as the model has it."""
+        columns = tuple(column_of(self._number[elements]) for _, elements in family.nodes)
+        indices = tuple(column(c) for c in family.indices)
+        return Group(family.name, columns, len(family.labels), indices)
+
+    def sources(self, sources: Iterable[Source]) -> tuple[Source, ...]:
+        """Sources with the new numbers of their elements."""
+        return tuple(replace(source, node=mapped(source.node, self._number)) for source in sources)

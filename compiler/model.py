@@ -107,7 +107,7 @@ class Constants:
     """Numbers that differ from element to element, such as indices: entries `first`, `first + 1`, … of the parameter vector."""
 
     first: int
-    values: Column
+    values: Column | tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,13 +47,6 @@ class DiscreteVariable(NotSupported):
 
 
 @dataclass(frozen=True)
-class ArrayOfAgents(NotSupported):
-    code = "E007"
-    construct = "arrays of agents are"
-    explanation = "Agents with an index range are part of the language but not of this version. Write the agents one by one."
-
-
-@dataclass(frozen=True)
 class Invariants(NotSupported):
     """A warning: the block is checked for names and types, and has no effect."""
 

@@ -29,10 +29,11 @@ def visit(expr: tree.Expr, bound: frozenset[str] = frozenset(), *, fixed: bool =
     while stack:
         here = stack.pop()
         yield here
-        stack.extend(reversed(_below(here)))
+        stack.extend(reversed(below(here)))
 
 
-def _below(here: Visit) -> list[Visit]:
+def below(here: Visit) -> list[Visit]:
+    """The parts of a node, in text order."""
     bound, fixed, depth = here.bound, here.fixed, here.depth + 1
     match here.node:
         case tree.Number() | tree.Bool() | tree.Time():

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 from hierc.compiler.cascade.graphs import components
 from hierc.compiler.expression import Input, Local
-from hierc.compiler.model import Node, Source
+from hierc.compiler.model import Node
 from hierc.compiler.structure.flat import FlatNode, leaves
 from hierc.compiler.structure.instances import Block, Standing
-from hierc.compiler.structure.nodes import LocalNode
+from hierc.compiler.structure.nodes import LocalNode, Scalar
 from hierc.grammar.source import Span
 
 
@@ -37,29 +37,39 @@ class Detour:
     back: Span
 
 
-def continuous(here: LocalNode) -> list[tuple[Source, Span]]:
+def continuous(here: LocalNode) -> list[tuple[Scalar, Span]]:
     """What the continuous equations of a node read, and where."""
-    pairs = zip(here.node.inputs, here.node.input_spans, strict=True)
-    return list(pairs)[: here.continuous]
+    spans = here.node.input_spans
+    return [(source, spans[k]) for k in range(here.continuous) for source in here.touched[k]]
 
 
-def behind(node: Node, definition: int) -> list[tuple[Source, Span]]:
-    """What a definition of a node without states reads, and where."""
-    found: list[tuple[Source, Span]] = []
+def inputs_behind(node: Node, definition: int) -> list[int]:
+    """The inputs that a definition of a node without states uses."""
+    found: list[int] = []
     seen = {definition}
     waiting = [definition]
     while waiting:
         for leaf in leaves(node.definitions[waiting.pop()].value):
             if isinstance(leaf, Input):
-                found.append((node.inputs[leaf.index], node.input_spans[leaf.index]))
+                found.append(leaf.index)
             elif isinstance(leaf, Local) and leaf.index not in seen:
                 seen.add(leaf.index)
                 waiting.append(leaf.index)
     return found
 
 
+def behind(here: LocalNode, source: Scalar) -> list[tuple[Scalar, Span]]:
+    """What a definition of a node without states reads, and where."""
+    inputs = inputs_behind(here.node, source.index)
+    return [(read, here.node.input_spans[k]) for k in inputs for read in here.touched[k]]
+
+
 def detours(flat_nodes: Sequence[FlatNode], nodes: Sequence[LocalNode]) -> Iterator[Detour]:
-    """All detours, one for each node and place where it reads."""
+    """All detours, one for each node and place where it reads.
+
+    In an array of agents with levels, a way from one element's level to another's later one is none, and what leads back to the same element is not
+    told from it here: groups that need each other are reported in any case.
+    """
     for depth in range(max((len(node.levels) for node in flat_nodes), default=0)):
         around = [node.levels[depth] if len(node.levels) > depth else None for node in flat_nodes]
         for part in _cycles(around, nodes):
@@ -95,7 +105,7 @@ class _Search:
     def from_node(self, here: int) -> Iterator[Detour]:
         """The detours that begin with a read of this node."""
         inside = self._around[here]
-        if inside is None:
+        if inside is None or self._nodes[here].node.count > 1:
             return
         block, level = inside
         for source, span in continuous(self._nodes[here]):
@@ -109,9 +119,9 @@ class _Search:
         inside = self._around[node]
         return inside is not None and inside[0] == block
 
-    def _back(self, start: Source, block: Block, level: int) -> tuple[tuple[int, ...], int, Span] | None:
+    def _back(self, start: Scalar, block: Block, level: int) -> tuple[tuple[int, ...], int, Span] | None:
         """A shortest way from `start` outside to a level of `block` later than `level`: the nodes on it, that level, the last read."""
-        came_from: dict[tuple[int, int | None], Source | None] = {self._key(start): None}
+        came_from: dict[tuple[int, int | None], Scalar | None] = {self._key(start): None}
         waiting = [start]
         for at in waiting:  # grows while it is read
             for source, span in self._reads(at):
@@ -124,17 +134,17 @@ class _Search:
                     waiting.append(source)
         return None
 
-    def _reads(self, at: Source) -> list[tuple[Source, Span]]:
+    def _reads(self, at: Scalar) -> list[tuple[Scalar, Span]]:
         here = self._nodes[at.node]
-        return continuous(here) if here.node.states else behind(here.node, at.index)
+        return continuous(here) if here.node.states else behind(here, at)
 
-    def _key(self, source: Source) -> tuple[int, int | None]:
+    def _key(self, source: Scalar) -> tuple[int, int | None]:
         """A node with states is one thing: they depend on all that it reads."""
         return source.node, None if self._nodes[source.node].node.states else source.index
 
-    def _way(self, last: Source, came_from: dict[tuple[int, int | None], Source | None]) -> tuple[int, ...]:
+    def _way(self, last: Scalar, came_from: dict[tuple[int, int | None], Scalar | None]) -> tuple[int, ...]:
         way: list[int] = []
-        at: Source | None = last
+        at: Scalar | None = last
         while at is not None:
             way.append(at.node)
             at = came_from[self._key(at)]

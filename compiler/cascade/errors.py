@@ -213,3 +213,22 @@ class LevelWithoutStates(Problem):
     def title(self) -> str:
         end = f"it will be merged with `{self.reader}`" if self.reader else "it is computed for results only"
         return f"level `{self.level}` has no states; {end}"
+
+
+@dataclass(frozen=True)
+class LargeGroup(Problem):
+    code = "W613"
+    severity: ClassVar[Literal["error", "warning"]] = "warning"
+    explanation = (
+        "A level is one group, integrated at the pace of its fastest agent. Where the agents of an array do not need each other in a circle, each can be a "
+        "group with its own step size."
+    )
+    level: str
+    count: int
+    array: str
+
+    def title(self) -> str:
+        return f"level `{self.level}` holds {self.count} agents without a loop in one group"
+
+    def help(self) -> tuple[str, ...]:
+        return (f"give each its own step size: `group each {self.array};`",)

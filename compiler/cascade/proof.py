@@ -7,16 +7,16 @@ elsewhere. Dependence is what equations use after substitution: an unused `read`
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from hierc.compiler.cascade.detours import Detour, behind, continuous, detours
 from hierc.compiler.cascade.errors import BrokenCascade, LaterDerivative
 from hierc.compiler.collector import Collector
-from hierc.compiler.model import Source
+from hierc.compiler.columns import expanded
 from hierc.compiler.structure.flat import FlatNode
 from hierc.compiler.structure.instances import Block, Instance
-from hierc.compiler.structure.nodes import LocalNode
+from hierc.compiler.structure.nodes import LocalNode, Scalar
 from hierc.grammar import tree
 from hierc.grammar.source import Span
 
@@ -51,8 +51,13 @@ def prove_cascade(
     """The dependences of the nodes; reports every read of a later level."""
     for here in nodes:
         reported: set[str | None] = set()
-        for source, span in continuous(here):
-            problem = _broken(instances, flat_nodes[here.node.id], flat_nodes[source.node], source, span)
+        for k, source, span in _reads(here):
+            reader, owner = flat_nodes[here.node.id], flat_nodes[source.node]
+            problem = _broken(instances, reader, owner, source, span)
+            if problem is not None and here.node.count > 1:
+                problem = (
+                    problem if _same_element(instances, here, nodes[source.node], k, reader, owner) else None
+                )
             if problem is not None and (problem.read is None or problem.read not in reported):
                 reported.add(problem.read)  # one for each coupling is enough
                 problems.add(problem)
@@ -68,11 +73,36 @@ def prove_cascade(
     )
 
 
+def _reads(here: LocalNode) -> Iterator[tuple[int, Scalar, Span]]:
+    """What the continuous equations of a node read: the input, the scalar, and where."""
+    for k in range(here.continuous):
+        for source in here.touched[k]:
+            yield k, source, here.node.input_spans[k]
+
+
+def _same_element(
+    instances: Sequence[Instance],
+    here: LocalNode,
+    there: LocalNode,
+    k: int,
+    reader: FlatNode,
+    owner: FlatNode,
+) -> bool:
+    """Whether some element of an array of agents with levels reads, by input k, itself: levels of other elements may stand in any order."""
+    levels = dict(owner.levels)
+    block = next(b for b, index in reader.levels if b in levels and levels[b] > index)
+    around = instances[block[0]].domain
+    read = expanded(here.node.inputs[k].node, here.node.count) - there.node.first
+    inside = (read >= 0) & (read < there.node.count)
+    own = reader.instance.domain.within(around)
+    return bool((owner.instance.domain.within(around)[read[inside]] == own[inside]).any())
+
+
 def _origins(here: LocalNode, nodes: Sequence[LocalNode]) -> list[Reads]:
     """The nodes with states that `here` reads, each once, with the first place where it does."""
     found: dict[int, Span] = {}
     for source, span in continuous(here):
-        seen: set[Source] = set()
+        seen: set[Scalar] = set()
         waiting = [source]
         while waiting:
             at = waiting.pop()
@@ -80,12 +110,12 @@ def _origins(here: LocalNode, nodes: Sequence[LocalNode]) -> list[Reads]:
                 found.setdefault(at.node, span)
             elif at not in seen:
                 seen.add(at)
-                waiting += [source for source, _ in behind(nodes[at.node].node, at.index)]
+                waiting += [source for source, _ in behind(nodes[at.node], at)]
     return [Reads(source, span) for source, span in found.items()]
 
 
 def _broken(
-    instances: Sequence[Instance], reader: FlatNode, owner: FlatNode, source: Source, span: Span
+    instances: Sequence[Instance], reader: FlatNode, owner: FlatNode, source: Scalar, span: Span
 ) -> BrokenCascade | LaterDerivative | None:
     """The problem if the reader stands in an earlier level of some block than what it reads."""
     levels = dict(owner.levels)
@@ -100,7 +130,7 @@ def _problem(
     block: Block,
     reader: tuple[FlatNode, int],
     owner: tuple[FlatNode, int],
-    source: Source,
+    source: Scalar,
     span: Span,
 ) -> BrokenCascade | LaterDerivative:
     around = instances[block[0]]

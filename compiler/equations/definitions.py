@@ -19,6 +19,7 @@ from hierc.compiler.equations.errors import (
 )
 from hierc.compiler.resolve.declarations import Agent, Equation, Library, Variable
 from hierc.compiler.resolve.errors import UnknownName
+from hierc.compiler.structure.array_errors import IndexAssigned
 from hierc.grammar.source import Span
 
 
@@ -63,7 +64,9 @@ class _AgentEquations:
             (agent.variables, "a `read` variable"),
         )
         kind = next((kind for names, kind in kinds if name in names), None)
-        if kind is None:
+        if kind is None and equation.over is not None and equation.over.index.text == name:
+            self._problems.add(IndexAssigned(target.name.span, name=name))
+        elif kind is None:
             candidates = tuple(v for v in agent.variables if v not in agent.reads())
             where = f"agent `{agent.name}`"
             self._problems.add(UnknownName(target.name.span, name=name, where=where, candidates=candidates))

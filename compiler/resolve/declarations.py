@@ -87,6 +87,7 @@ class Agent:
     equations: tuple[Equation, ...]
     invariants: tuple[tree.Invariant, ...]
     groups: Mapping[str, tree.Group]
+    each: Mapping[str, tree.GroupEach]  # arrays of which each agent is a group
 
     @property
     def name(self) -> str:
@@ -189,9 +190,7 @@ def declare(file: tree.File, problems: Collector) -> Library:
                 tables[name.text] = item
             case _:
                 pass  # declared twice: reported
-    return Library(
-        file, consts, funcs, agents, experiments, (file.source,), tables=tables, externs=externs
-    )
+    return Library(file, consts, funcs, agents, experiments, (file.source,), tables=tables, externs=externs)
 
 
 class _Names:
@@ -231,6 +230,7 @@ class _AgentSorter:
         self._equations: list[Equation] = []
         self._invariants: list[tree.Invariant] = []
         self._groups: dict[str, tree.Group] = {}
+        self._each: dict[str, tree.GroupEach] = {}
 
     def result(self) -> Agent:
         params = {p.name.text: p for p in self._agent.params if self._names.new(p.name)}
@@ -238,7 +238,7 @@ class _AgentSorter:
             self._item(item, None)
         return Agent(
             self._agent, params, self._consts, self._variables, self._lets, self._subs, self._levels,
-            tuple(self._equations), tuple(self._invariants), self._groups,
+            tuple(self._equations), tuple(self._invariants), self._groups, self._each,
         )  # fmt: skip
 
     def _item(self, item: tree.AgentItem, level: str | None) -> None:
@@ -257,14 +257,14 @@ class _AgentSorter:
                 self._problems.add(unsupported.Invariants(item.span))
                 self._invariants.extend(invariants)
             case tree.Instance(name=name) if self._names.new(name):
-                if item.index is not None:
-                    self._problems.add(unsupported.ArrayOfAgents(item.index.span))
                 self._subs[name.text] = Sub(item, level)
             case tree.Level():
                 self._level(item, level)
             case tree.Group(name=name) if self._group_names.new(name):
                 self._groups[name.text] = item
-            case tree.Mode() | tree.Trans() | tree.Sample() | tree.GroupEach():
+            case tree.GroupEach(name=name):
+                self._each.setdefault(name.text, item)
+            case tree.Mode() | tree.Trans() | tree.Sample():
                 self._problems.add(_unsupported_item(item))
             case _:
                 pass  # declared twice: reported
@@ -296,7 +296,7 @@ class _AgentSorter:
                 self._item(inner, item.name.text)
 
 
-def _unsupported_item(item: tree.Mode | tree.Trans | tree.Sample | tree.GroupEach) -> Problem:
+def _unsupported_item(item: tree.Mode | tree.Trans | tree.Sample) -> Problem:
     match item:
         case tree.Mode():
             return unsupported.Modes(item.name.span)
@@ -304,5 +304,3 @@ def _unsupported_item(item: tree.Mode | tree.Trans | tree.Sample | tree.GroupEac
             return unsupported.Transitions(item.span)
         case tree.Sample():
             return unsupported.Sampling(item.span)
-        case tree.GroupEach():
-            return unsupported.ArrayOfAgents(item.span)

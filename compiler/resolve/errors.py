@@ -5,8 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from hierc.compiler.suggest import did_you_mean, did_you_mean_without, import_line, listed
-from hierc.grammar.problems import Label, Problem
+from hierc.compiler.suggest import (
+    did_you_mean,
+    did_you_mean_without,
+    edits_of,
+    import_edits,
+    import_line,
+    listed,
+    respelt,
+)
+from hierc.grammar.problems import Edit, Label, Problem
 from hierc.grammar.source import Span
 
 
@@ -30,6 +38,15 @@ class UnknownName(Problem):
             return (did_you_mean_without(self.shorter),)
         time = ("the time is written `time`",) if self.name == "t" else ()
         return (*time, *did_you_mean(self.name, self.candidates))
+
+    def edits(self) -> tuple[Edit, ...]:
+        if self.shorter is not None:
+            return respelt(self.span, self.name, self.shorter)
+        return (
+            respelt(self.span, "t", "time")
+            if self.name == "t"
+            else edits_of(self.span, self.name, self.candidates)
+        )
 
 
 @dataclass(frozen=True)
@@ -77,13 +94,21 @@ class NoSuchRead(Problem):
     agent: str
     name: str
     reads: tuple[str, ...]
+    kind: Literal["parameter", "write", "other"] = "other"  # what the name is in that agent
 
     def title(self) -> str:
         listing = f"; it reads: {listed(self.reads)}" if self.reads else "; it reads nothing"
         return f"`{self.agent}` has no read variable `{self.name}`{listing}"
 
     def help(self) -> tuple[str, ...]:
+        if self.kind == "parameter":
+            return (f"`{self.name}` is a parameter: `{self.agent}({self.name} = …)`",)
+        if self.kind == "write":
+            return (f"`{self.name}` is what `{self.agent}` computes; a coupling gives it what it reads",)
         return did_you_mean(self.name, self.reads)
+
+    def edits(self) -> tuple[Edit, ...]:
+        return edits_of(self.span, self.name, self.reads) if self.kind == "other" else ()
 
 
 @dataclass(frozen=True)
@@ -133,6 +158,9 @@ class UnknownParameter(Problem):
             return (self.advice,)
         return (f"add `{self.name} = …`",) if self.missing else did_you_mean(self.name, self.candidates)
 
+    def edits(self) -> tuple[Edit, ...]:
+        return () if self.advice or self.missing else edits_of(self.span, self.name, self.candidates)
+
 
 @dataclass(frozen=True)
 class UnknownAgent(Problem):
@@ -147,6 +175,11 @@ class UnknownAgent(Problem):
 
     def help(self) -> tuple[str, ...]:
         return import_line(self.name, self.module) or did_you_mean(self.name, self.candidates)
+
+    def edits(self) -> tuple[Edit, ...]:
+        return import_edits(self.span, self.name, self.module) or edits_of(
+            self.span, self.name, self.candidates
+        )
 
 
 @dataclass(frozen=True)
@@ -233,6 +266,11 @@ class UnknownFunction(Problem):
     def help(self) -> tuple[str, ...]:
         return import_line(self.name, self.module) or did_you_mean(self.name, self.candidates)
 
+    def edits(self) -> tuple[Edit, ...]:
+        return import_edits(self.span, self.name, self.module) or edits_of(
+            self.span, self.name, self.candidates
+        )
+
 
 @dataclass(frozen=True)
 class GivenTwice(Problem):
@@ -255,8 +293,11 @@ class TooManyInstances(Problem):
     agent: str
     count: int
     limit: int
+    product: str | None = None  # how many elements an array has, where it is one
 
     def title(self) -> str:
+        if self.product is not None:
+            return f"array `{self.agent}` of {self.product} agents brings the model to {self.count}; the limit is {self.limit}"
         return f"`{self.agent}` would contain {self.count} agents; the limit is {self.limit}"
 
 

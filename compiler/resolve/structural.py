@@ -76,6 +76,9 @@ def _expressions(agent: Agent) -> Iterator[tree.Expr]:
     for sub in agent.subs.values():
         yield from (arg.value for arg in sub.instance.args)
         yield from (bind.value for bind in sub.instance.bindings)
+        if sub.instance.index is not None:
+            index = sub.instance.index
+            yield tree.Comprehension(index.span, tree.Bool(index.span, True), index)
     yield from (invariant.condition for invariant in agent.invariants)
 
 

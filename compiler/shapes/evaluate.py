@@ -10,8 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Protocol, assert_never
 
+import numpy as np
+
 from hierc.compiler.collector import Rejected
-from hierc.compiler.expression import Choose, Time
+from hierc.compiler.columns import Index, Integers, added, column, difference, expanded
+from hierc.compiler.expression import Choose, Expr, Gather, Number, Time
 from hierc.compiler.resolve.declarations import Library
 from hierc.compiler.resolve.errors import ModelTooLarge
 from hierc.compiler.resolve.names import size_names
@@ -31,6 +34,7 @@ from hierc.compiler.shapes.values import (
     Shape,
     Value,
     fits,
+    index_value,
     joined,
     number,
     scalar_of,
@@ -47,11 +51,32 @@ MAX_OPERATIONS = 1_000_000
 SMALL, LONGEST = 4, 12
 
 
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """Elements of an array of agents that a reference names by their indices: `car[i - 1]`, or several, `car[2..5]`."""
+
+    indices: tuple[Index, ...]
+    several: bool
+    step: tree.Step
+
+
 class Scope(Protocol):
     """What names stand for."""
 
-    def lookup(self, ref: tree.Ref) -> Value:
-        """The whole value that a reference names, before its subscripts are applied."""
+    def lookup(self, ref: tree.Ref, chosen: Chosen | None) -> Value:
+        """The whole value that a reference names, before its last subscripts are applied."""
+        ...
+
+
+class Gathering(Protocol):
+    """How elements of an array take different scalars."""
+
+    def leaf(self, expr: Expr) -> Expr:
+        """A leaf as a `Gather` where that is possible; else as it is."""
+        ...
+
+    def table(self, numbers: tuple[float, ...]) -> int:
+        """The first of the entries of the parameter vector that hold these numbers."""
         ...
 
 
@@ -64,7 +89,7 @@ class Values:
     by_name: Mapping[str, Value]
     refused: Mapping[str, Rejected] = field(default_factory=dict)
 
-    def lookup(self, ref: tree.Ref) -> Value:
+    def lookup(self, ref: tree.Ref, chosen: Chosen | None = None) -> Value:
         """The value of the name, at the place where it is used."""
         value = self.by_name.get(ref.path.text)
         if value is None:
@@ -97,6 +122,7 @@ class Environment:
     sharing: Sharing
     budget: Budget
     indices: Mapping[str, Value] = field(default_factory=dict)
+    gathering: Gathering | None = None  # where there are arrays of agents
 
     def bind(self, name: str, value: Value) -> Environment:
         """The environment inside a `for`, where `name` is `value`."""
@@ -134,7 +160,8 @@ def _evaluate(expr: tree.Expr, env: Environment) -> Value:
             return _list(expr, [evaluate(item, env) for item in items])
         case tree.Comprehension(item=item, over=over):
             steps = [
-                evaluate(item, env.bind(over.index.text, number(i, "int"))) for i in span_of(over.range, env)
+                evaluate(item, env.bind(over.index.text, scalar_of("int", index_value(i))))
+                for i in _indices(over.range, env)
             ]
             return _list(expr, steps) if steps else Value("int", (0,), ())
         case _ as never:
@@ -187,21 +214,133 @@ def _list(expr: tree.Expr, items: list[Value]) -> Value:
 
 
 def _reference(ref: tree.Ref, env: Environment) -> Value:
-    name = ref.path.steps[0].name.text
-    for step in ref.path.steps[:-1]:
-        if step.subs:
-            raise Rejected(
-                WrongIndexCount(step.span, name=step.name.text, type="agent", wanted=0, given=len(step.subs))
-            )
-    if len(ref.path.steps) == 1 and name in env.indices:
-        value = env.indices[name]
+    first, last = ref.path.steps[0], ref.path.steps[-1]
+    if len(ref.path.steps) == 1 and first.name.text in env.indices:
+        value = env.indices[first.name.text]
     else:
-        value = env.scope.lookup(ref)
-    last = ref.path.steps[-1]
+        value = env.scope.lookup(ref, _chosen(first, env) if first is not last and first.subs else None)
     if not last.subs:
         return value
-    shape, places = selected(ref.path.text, value.type, value.shape, last.subs, last, env)
-    return Value(value.scalar, shape, tuple(value.elements[p] for p in places))
+    indices = [_indices(sub, env) for sub in last.subs]
+    if all(isinstance(index, int) for axis in indices for index in axis):
+        shape, places = selected(ref.path.text, value.type, value.shape, last.subs, last, env)
+        return Value(value.scalar, shape, tuple(value.elements[p] for p in places))
+    return picked(ref, value, indices, env)
+
+
+def _chosen(step: tree.Step, env: Environment) -> Chosen:
+    """The elements that the subscript of an array of agents names."""
+    if len(step.subs) != 1:
+        raise Rejected(
+            WrongIndexCount(
+                step.span, name=step.name.text, type="array of agents", wanted=1, given=len(step.subs)
+            )
+        )
+    return Chosen(tuple(_indices(step.subs[0], env)), isinstance(step.subs[0], tree.Range), step)
+
+
+def _indices(sub: tree.Expr | tree.Range, env: Environment) -> list[Index]:
+    """The indices that a subscript names: one, or those of a range, which has the same length for all elements."""
+    if not isinstance(sub, tree.Range):
+        return [index_of(sub, env, "index")]
+    first, last = (index_of(end, env, "end of a range") for end in (sub.first, sub.last))
+    if isinstance(first, int) and isinstance(last, int):
+        return list(span_of(sub, env))
+    length = _length(first, last)
+    if length is None:
+        raise Rejected(NotAKnownInteger(sub.span, what="length of a range", text=sub.span.text))
+    return [added(first, k) for k in range(length)]
+
+
+def _length(first: Index, last: Index) -> int | None:
+    """How long a range is for all elements; None if that differs."""
+    longer = difference(last, first)
+    return max(longer + 1, 0) if isinstance(longer, int) else None
+
+
+def index_of(expr: tree.Expr, env: Environment, what: str) -> Index:
+    """The value of an expression that must be an integer known when compiling, perhaps another for each element."""
+    index = index_in(evaluate(expr, env))
+    if index is None:
+        raise Rejected(NotAKnownInteger(expr.span, what=what, text=expr.span.text))
+    return index
+
+
+def index_in(value: Value) -> Index | None:
+    """An integer that is known when compiling, perhaps another for each element; None for any other value."""
+    if value.shape != () or value.scalar != "int":
+        return None
+    if isinstance(value.single, Gather) and value.single.kind == "index":
+        return value.single.at
+    known = constant(value.single)
+    return None if known is None else int(known)
+
+
+def picked(ref: tree.Ref, value: Value, indices: list[list[Index]], env: Environment) -> Value:
+    """What each element of an array picks from a vector or matrix by subscripts that differ from element to element."""
+    last, count = ref.path.steps[-1], _common_length(indices)
+    if len(indices) != len(value.shape):
+        name, wanted = ref.path.text, len(value.shape)
+        raise Rejected(
+            WrongIndexCount(last.span, name=name, type=value.type, wanted=wanted, given=len(indices))
+        )
+    places = [np.zeros(count, np.int64)]
+    for axis, (choice, size) in enumerate(zip(indices, value.shape, strict=True), start=1):
+        columns = [expanded(index, count) for index in choice]
+        for column_ in columns:
+            if (outside := (column_ < 1) | (column_ > size)).any():
+                wrong = str(int(column_[np.argmax(outside)]))
+                raise Rejected(
+                    IndexOutside(
+                        last.subs[axis - 1].span,
+                        name=ref.path.text,
+                        sizes=value.shape,
+                        index=wrong,
+                        axis=axis,
+                    )
+                )
+        places = [place * size + column_ - 1 for place in places for column_ in columns]
+    shape = tuple(
+        len(choice) for choice, sub in zip(indices, last.subs, strict=True) if isinstance(sub, tree.Range)
+    )
+    return Value(value.scalar, shape, tuple(_gathered(value.elements, place, ref, env) for place in places))
+
+
+def _common_length(indices: list[list[Index]]) -> int:
+    return next(len(index) for axis in indices for index in axis if not isinstance(index, int))
+
+
+#: Expressions that the elements of an array may choose between, where they are not variables, parameters or numbers.
+MAX_CHOICES = 64
+
+
+def _gathered(elements: tuple[Expr, ...], places: Integers, ref: tree.Ref, env: Environment) -> Expr:
+    """One scalar in which each element of an array takes the one of `elements` at its own place."""
+    assert env.gathering is not None
+    used, which = np.unique(places, return_inverse=True)
+    leaves = [env.gathering.leaf(elements[place]) for place in used.tolist()]
+    if len(leaves) == 1:
+        return elements[int(used[0])]
+    numbers = [leaf.value for leaf in leaves if isinstance(leaf, Number)]
+    if len(numbers) == len(leaves):
+        if all(number.is_integer() for number in numbers):
+            return index_value(column(np.array(numbers).astype(np.int64)[which]), ref.span)
+        return Gather(ref.span, "parameter", column(env.gathering.table(tuple(numbers)) + which))
+    gathers = [leaf for leaf in leaves if isinstance(leaf, Gather)]
+    if len(gathers) == len(leaves) and len({gather.kind for gather in gathers}) == 1:
+        table = np.stack([expanded(gather.at, len(places)) for gather in gathers])
+        return Gather(ref.span, gathers[0].kind, column(table[which, np.arange(len(places))]))
+    if len(leaves) > MAX_CHOICES:
+        raise Rejected(
+            ModelTooLarge(
+                ref.span, what=f"a choice of {len(leaves)} expressions by an index", limit=MAX_CHOICES
+            )
+        )
+    chosen = elements[int(used[-1])]
+    for place in used[-2::-1].tolist():
+        here = index_value(column((places == place).astype(np.int64)), ref.span)
+        chosen = Choose(ref.span, here, elements[place], chosen)
+    return chosen
 
 
 def selected(

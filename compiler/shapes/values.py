@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from math import prod
 from typing import Literal
 
-from hierc.compiler.expression import Apply, Choose, Expr, Number, Operator
-from hierc.compiler.shapes.folding import folded
+from hierc.compiler.columns import Index
+from hierc.compiler.expression import Apply, Choose, Expr, Gather, Number, Operator
+from hierc.compiler.shapes.folding import folded, folded_index
 from hierc.grammar.source import Span
 
 Scalar = Literal["real", "int", "bool"]
@@ -77,9 +78,21 @@ def joined(types: Sequence[Scalar]) -> Scalar:
 
 
 def apply(op: Operator, *args: Expr, span: Span | None = None) -> Expr:
-    """An operation on scalars; a literal where all arguments are."""
+    """An operation on scalars; a literal where all arguments are, an index where they are indices and whole literals."""
+    if any(isinstance(arg, Gather) for arg in args):
+        return _of_elements(op, args, span)
     value = folded(op, args)
     return Apply(span, op, args) if value is None else Number(span, value)
+
+
+def _of_elements(op: Operator, args: tuple[Expr, ...], span: Span | None) -> Expr:
+    index = folded_index(op, args)
+    return Apply(span, op, args) if index is None else index_value(index, span)
+
+
+def index_value(index: Index, span: Span | None = None) -> Expr:
+    """Integers that are known when compiling: a literal where all elements have the same."""
+    return Number(span, float(index)) if isinstance(index, int) else Gather(span, "index", index)
 
 
 def element_names(name: str, shape: Shape) -> tuple[str, ...]:

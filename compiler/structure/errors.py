@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hierc.compiler.suggest import did_you_mean, did_you_mean_without, listed
-from hierc.grammar.problems import Problem
+from hierc.compiler.suggest import did_you_mean, did_you_mean_without, edits_of, listed, respelt
+from hierc.grammar.problems import Edit, Problem
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,9 @@ class UnknownSetting(Problem):
 
     def help(self) -> tuple[str, ...]:
         return did_you_mean(self.name, self.candidates) or (f"the settings are {listed(self.candidates)}",)
+
+    def edits(self) -> tuple[Edit, ...]:
+        return edits_of(self.span, self.name, self.candidates)
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,11 @@ class MatchesNothing(Problem):
         if self.shorter is not None:
             return (did_you_mean_without(self.shorter),)
         return did_you_mean(self.pattern, self.candidates)
+
+    def edits(self) -> tuple[Edit, ...]:
+        if self.shorter is not None:
+            return respelt(self.span, self.pattern, self.shorter)
+        return edits_of(self.span, self.pattern, self.candidates)
 
 
 @dataclass(frozen=True)
@@ -103,6 +111,11 @@ class UnknownPath(Problem):
         if self.shorter is not None:
             return (did_you_mean_without(self.shorter),)
         return did_you_mean(self.path, self.candidates)
+
+    def edits(self) -> tuple[Edit, ...]:
+        if self.several or self.shorter is not None:
+            return ()
+        return edits_of(self.span, self.path, self.candidates)
 
 
 @dataclass(frozen=True)

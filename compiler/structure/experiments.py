@@ -30,7 +30,7 @@ from hierc.compiler.structure.errors import (
     WrongValue,
 )
 from hierc.compiler.structure.instances import Instance
-from hierc.compiler.structure.paths import find, group_named, recorded
+from hierc.compiler.structure.paths import Gift, Sub, find, group_named, recorded
 from hierc.grammar import tree
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import Span
@@ -117,44 +117,51 @@ def _check_given(agent: Agent, experiment: tree.Experiment | None, problems: Col
 
 @dataclass(frozen=True, slots=True)
 class Gifts:
-    """What an experiment gives, by instance and name."""
+    """What an experiment gives, by agent of the outline and name; of elements of one state or array there may be several."""
 
-    arguments: Mapping[tuple[int, str], tree.Expr]
-    initials: Mapping[
-        tuple[int, str], tuple[tree.Initial, ...]
-    ]  # of elements of one state there may be several
+    arguments: Mapping[tuple[int, str], tuple[Gift, ...]]
+    initials: Mapping[tuple[int, str], tuple[Gift, ...]]
 
 
 def resolve_gifts(
-    library: Library, experiment: tree.Experiment | None, instances: Sequence[Instance], problems: Collector
+    library: Library, experiment: tree.Experiment | None, outline: Sequence[Instance], problems: Collector
 ) -> Gifts:
     """Find what the arguments and `init` values of an experiment name."""
     if experiment is None:
         return Gifts({}, {})
-    arguments: dict[tuple[int, str], tree.Expr] = {}
-    initials: dict[tuple[int, str], list[tree.Initial]] = {}
-    first: dict[tuple[int, str], Span] = {}
+    arguments: dict[tuple[int, str], list[Gift]] = {}
+    initials: dict[tuple[int, str], list[Gift]] = {}
     for arg in experiment.args:
         try:
-            owner, name = _parameter(arg.path, instances)
+            key, elements = _parameter(arg.path, outline)
         except Rejected as rejection:
             problems.rejected(rejection)
             continue
-        if first.setdefault((owner, name), arg.path.span) is not arg.path.span:
-            problems.add(GivenTwice(arg.path.span, name=arg.path.text, first=first[owner, name]))
-        else:
-            arguments[owner, name] = arg.value
+        first = next(
+            (gift for gift in arguments.get(key, ()) if gift.whole and all(e is None for e in elements)), None
+        )
+        if first is not None:
+            problems.add(GivenTwice(arg.path.span, name=arg.path.text, first=first.path.span))
+        arguments.setdefault(key, []).append(Gift(arg.path, arg.value, elements))
     for initial in _initials(experiment):
         try:
-            initials.setdefault(_state(initial.path, instances), []).append(initial)
+            key, elements = _state(initial.path, outline)
         except Rejected as rejection:
             problems.rejected(rejection)
-    return Gifts(arguments, {key: tuple(given) for key, given in initials.items()})
+            continue
+        initials.setdefault(key, []).append(Gift(initial.path, initial.value, elements))
+    return Gifts(
+        {key: tuple(given) for key, given in arguments.items()},
+        {key: tuple(given) for key, given in initials.items()},
+    )
 
 
-def _parameter(path: tree.Path, instances: Sequence[Instance]) -> tuple[int, str]:
-    """The parameter that a path names, by instance and name. Raises Rejected."""
-    named = find(path, instances)
+Target = tuple[tuple[int, str], tuple[Sub | None, ...]]
+
+
+def _parameter(path: tree.Path, outline: Sequence[Instance]) -> Target:
+    """The parameter that a path names, by agent and name, and the elements of arrays. Raises Rejected."""
+    named = find(path, outline)
     agent = named.owner.agent
     if named.name not in agent.params:
         known = tuple(agent.params)
@@ -164,16 +171,18 @@ def _parameter(path: tree.Path, instances: Sequence[Instance]) -> tuple[int, str
         raise Rejected(
             UnknownParameter(path.span, agent=agent.name, name=path.span.text, candidates=(), advice=advice)
         )
-    return named.owner.id, named.name
+    return (named.owner.id, named.name), named.elements
 
 
-def _state(path: tree.Path, instances: Sequence[Instance]) -> tuple[int, str]:
-    """The state that a path names, or of which it names elements, by instance and name. Raises Rejected."""
-    named = find(path, instances)
+def _state(path: tree.Path, outline: Sequence[Instance]) -> Target:
+    """The state that a path names, or of which it names elements, by agent and name, and the elements of arrays. Raises Rejected."""
+    named = find(path, outline)
     states = [v.name for v in named.owner.agent.variables.values() if v.declarator.initial is not None]
     if named.name not in states:
-        raise Rejected(UnknownPath(path.span, what="state", path=path.span.text, candidates=tuple(states)))
-    return named.owner.id, named.name
+        owner = path.span.text[: path.steps[-1].span.start - path.span.start]
+        candidates = tuple(f"{owner}{state}" for state in states)
+        raise Rejected(UnknownPath(path.span, what="state", path=path.span.text, candidates=candidates))
+    return (named.owner.id, named.name), named.elements
 
 
 def _initials(experiment: tree.Experiment) -> Iterator[tree.Initial]:

@@ -1,7 +1,9 @@
 """The flat model: every scalar of every agent in whole-model tables, before nodes are put in order.
 
 Expressions are those of `expression.py` with indices into the tables here: `State` and `Rate` into `Flat.states`, `Local` into
-`Flat.definitions`, `Parameter` into the parameter vector; `Input` does not occur yet. `nodes.py` turns them into the nodes' own indices.
+`Flat.definitions`, `Parameter` into the parameter vector; `Input` does not occur yet. An entry of these tables stands for all elements of a block, and what
+uses it belongs to the same element, unless there is but one; scalars of other elements are named by `Gather`. `nodes.py` turns all of them
+into the nodes' own indices.
 """
 
 from __future__ import annotations
@@ -10,7 +12,21 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, assert_never
 
-from hierc.compiler.expression import Apply, Choose, Expr, Input, Local, Number, Parameter, Rate, State, Time
+from hierc.compiler.columns import Index
+from hierc.compiler.expression import (
+    Apply,
+    Choose,
+    Expr,
+    Gather,
+    Input,
+    Local,
+    Number,
+    Parameter,
+    Rate,
+    State,
+    Time,
+)
+from hierc.compiler.structure.domains import Domain
 from hierc.compiler.structure.instances import Instance, Place, Standing
 from hierc.grammar.source import Span
 
@@ -38,6 +54,7 @@ class FlatState:
     nominal: Expr
     span: Span
     rate_span: Span
+    first: int  # number of its first element's among the scalar states of all elements
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,20 +67,24 @@ class FlatDefinition:
     span: Span
     owner: int | None
     hidden: bool  # made by the compiler: never shown to users
+    domain: Domain
+    first: int = -1  # for algebraic variables: number of its first element's among those of all elements
 
 
 @dataclass(frozen=True, slots=True)
 class FlatVariable:
-    """A variable for results; `elements` are State or Local leaves, None for a `read` that is bound to an expression."""
+    """A variable for results, of a single agent or all of an array; `elements` are leaves, None for a `read` that is bound to an expression."""
 
     path: str
     shape: tuple[int, ...]
     unit: str | None
     doc: str
     access: Literal["write", "private", "read"]
-    elements: tuple[State | Local, ...] | None
+    elements: tuple[State | Local | Gather, ...] | None
     span: Span
     scale: float  # one of the declared unit in SI
+    count: int
+    indices: tuple[Index, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +100,7 @@ class Flat:
         return definition.owner is None or self.nodes[definition.owner].observer
 
 
-Leaf = State | Rate | Local | Parameter | Input | Time | Number
+Leaf = State | Rate | Local | Parameter | Input | Time | Number | Gather
 
 
 def leaves(expr: Expr) -> Iterator[Leaf]:
@@ -92,7 +113,7 @@ def leaves(expr: Expr) -> Iterator[Leaf]:
                 stack.extend(reversed(args))
             case Choose(condition=condition, then=then, other=other):
                 stack.extend((other, then, condition))
-            case Number() | Time() | State() | Rate() | Input() | Parameter() | Local():
+            case Number() | Time() | State() | Rate() | Input() | Parameter() | Local() | Gather():
                 yield here
             case _ as never:
                 assert_never(never)

@@ -9,34 +9,35 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hierc.compiler.collector import Rejected
+from hierc.compiler.columns import column, taken
 from hierc.compiler.context import Context
-from hierc.compiler.equations.errors import (
-    DefinedTwice,
-    DerivativeOfRead,
-    NeverDefined,
-    NoDerivative,
-    NotAState,
-)
-from hierc.compiler.expression import Expr, Local, Number, Rate, State
+from hierc.compiler.equations.errors import DefinedTwice, NeverDefined, NoDerivative
+from hierc.compiler.expression import Choose, Expr, Gather, Local, Number, Rate, State
 from hierc.compiler.resolve.declarations import Equation, Variable
 from hierc.compiler.resolve.errors import GivenTwice
 from hierc.compiler.shapes.evaluate import Environment, Values, evaluate, expected, selected, span_of
 from hierc.compiler.shapes.operations import Sharing, condition
-from hierc.compiler.shapes.terms import cut
-from hierc.compiler.shapes.values import Shape, Value, element_names, is_leaf, number
-from hierc.compiler.structure.flat import Flat, FlatDefinition, FlatState, FlatVariable
+from hierc.compiler.shapes.terms import cut, rewritten
+from hierc.compiler.shapes.values import Shape, Value, element_names, index_value, is_leaf, number
+from hierc.compiler.structure.domains import Domain
+from hierc.compiler.structure.flat import Flat, FlatDefinition, FlatState
 from hierc.compiler.structure.instances import Instance
-from hierc.compiler.structure.parameters import Parameters
-from hierc.compiler.structure.paths import elements
+from hierc.compiler.structure.parameters import Parameters, Tables, index_of_elements
+from hierc.compiler.structure.paths import Gift, elements, elements_of
+from hierc.compiler.structure.scope import InstanceScope, View
 from hierc.compiler.structure.storage import Storage, allocate
-from hierc.compiler.units.units import scale_of
+from hierc.compiler.structure.variables import flat_variables
 from hierc.grammar import tree
 from hierc.grammar.source import Span
 
-#: Initial values that an experiment gives, by instance and name.
-Initials = Mapping[tuple[int, str], tuple[tree.Initial, ...]]
+#: Initial values that an experiment gives, by agent of the outline and name.
+Initials = Mapping[tuple[int, str], tuple[Gift, ...]]
 
 
 def flatten(
@@ -83,6 +84,8 @@ class _Flattener:
         self._nominals: dict[int, Expr] = {}
         #: Values of the `read` variables and `let`s of each instance; what is missing was reported.
         self.named: list[dict[str, Value]] = [{} for _ in instances]
+        #: Definitions of an agent that were copied for the elements of an array inside it: by definition and domain.
+        self._copies: dict[tuple[int, int], Expr] = {}
 
     def result(self) -> Flat:
         for instance in self._instances:
@@ -97,27 +100,29 @@ class _Flattener:
             self.storage.nodes,
             tuple(self._state(index) for index in range(len(self.storage.states))),
             tuple(self._finished(index) for index in range(len(self._definitions))),
-            tuple(self._variables()),
+            tuple(flat_variables(self._instances, self.storage, self.named)),
         )
 
     # ---- sharing ------------------------------------------------------------------------------------------------------------------
 
-    def _define(self, name: str, path: str, expr: Expr, span: Span, *, hidden: bool = False) -> Expr:
-        """A leaf that stands for `expr`."""
-        if is_leaf(expr):
-            return expr
-        value = self._shallow(expr, name, path)
-        self._definitions.append(FlatDefinition(name, path, value, span, None, hidden))
+    def _add(self, name: str, path: str, value: Expr, span: Span, domain: Domain, *, hidden: bool) -> Local:
+        self._definitions.append(FlatDefinition(name, path, value, span, None, hidden, domain))
         return Local(span, len(self._definitions) - 1)
 
-    def _shallow(self, expr: Expr, name: str, path: str) -> Expr:
+    def _define(self, name: str, at: Instance, expr: Expr, span: Span, *, hidden: bool = False) -> Expr:
+        """A leaf that stands for `expr`, which the elements of `at` use."""
+        if is_leaf(expr):
+            return expr
+        value = self._shallow(expr, name, at)
+        return self._add(name, at.named(name), value, span, at.domain, hidden=hidden)
+
+    def _shallow(self, expr: Expr, name: str, at: Instance) -> Expr:
         """`expr` with its deep parts cut out into definitions of their own."""
 
         def part(deep: Expr) -> Expr:
-            self._definitions.append(
-                FlatDefinition(f"part of {name}", path, deep, deep.span or self._span, None, True)
+            return self._add(
+                f"part of {name}", at.named(name), deep, deep.span or self._span, at.domain, hidden=True
             )
-            return Local(deep.span, len(self._definitions) - 1)
 
         return cut(expr, part)
 
@@ -125,13 +130,72 @@ class _Flattener:
     def _span(self) -> Span:
         return self._instances[0].agent.definition.name.span
 
-    def _environment(self, instance: Instance) -> Environment:
-        def define(name: str, expr: Expr) -> Expr:
-            return self._define(
-                name, instance.named(name), expr, expr.span or instance.agent.definition.span, hidden=True
-            )
+    def _environment(self, at: Instance, around: Instance | None = None) -> Environment:
+        """The scope of an agent for its own equations, or that of the agent `around` it for its couplings."""
 
-        return replace(self._file, scope=_InstanceScope(self, instance), sharing=Sharing(define))
+        def define(name: str, expr: Expr) -> Expr:
+            return self._define(name, at, expr, expr.span or at.agent.definition.span, hidden=True)
+
+        scope = InstanceScope(self, at if around is None else around)
+        gathering = _Gathering(self.storage, self._parameters.tables) if at.domain.count > 1 else None
+        env = replace(self._file, scope=scope, sharing=Sharing(define), gathering=gathering)
+        if around is None or at.instance is None or at.instance.index is None:
+            return env
+        index = at.instance.index.index.text
+        view = View(at.domain, at.domain.places, index)
+        return replace(env, scope=replace(scope, view=view)).bind(index, index_of_elements(at.domain))
+
+    def brought(self, value: Value, view: View) -> Value:
+        """See `scope.Owner`. What is the same for all elements stays as it is; a `let` of an agent that has several elements is copied."""
+        outer = view.domain.outer
+        if outer is None or outer.count == 1:
+            return value
+        return replace(
+            value,
+            elements=tuple(rewritten(e, lambda leaf: self._brought(leaf, view)) for e in value.elements),
+        )
+
+    def _brought(self, leaf: Expr, view: View) -> Expr:
+        storage, places = self.storage, view.places
+        match leaf:
+            case State(index=slot) | Rate(index=slot):
+                kind: Literal["state", "rate"] = "state" if isinstance(leaf, State) else "rate"
+                state = storage.states[slot]
+                if storage.nodes[state.node].instance.domain.count == 1:
+                    return leaf
+                return Gather(leaf.span, kind, column(state.first + places))
+            case Gather(at=at):
+                moved = taken(at, places)
+                return index_value(moved, leaf.span) if leaf.kind == "index" else replace(leaf, at=moved)
+            case Local(index=index):
+                return self._copied(leaf, index, view)
+            case _:
+                return leaf
+
+    def _copied(self, leaf: Local, index: int, view: View) -> Expr:
+        """A definition of the agent around an array, for the elements of the array."""
+        definition = self._definitions[index]
+        if definition.domain.count == 1:
+            return leaf
+        if definition.owner is not None:
+            return Gather(leaf.span, "algebraic", column(definition.first + view.places))
+        key = (index, id(view.domain))
+        if key not in self._copies:
+            value = rewritten(definition.value, lambda inner: self._brought(inner, view))
+            self._copies[key] = (
+                value
+                if is_leaf(value)
+                else self._add(
+                    definition.name,
+                    definition.path,
+                    value,
+                    definition.span,
+                    view.domain,
+                    hidden=definition.hidden,
+                )
+            )
+        copy = self._copies[key]
+        return replace(copy, span=leaf.span)
 
     def placed(self, value: Value, span: Span) -> Value:
         """A `let` or coupling used at `span`. Variables in it stay where the text names them: that is what a problem points at."""
@@ -142,12 +206,16 @@ class _Flattener:
         return replace(value, elements=tuple(elements))
 
     def instance(self, index: int) -> Instance:
-        """The instance with this id."""
+        """See `scope.Owner`."""
         return self._instances[index]
 
     def parameters_of(self, instance: Instance) -> Values:
-        """Parameters, constants and `let`s of them."""
+        """See `scope.Owner`."""
         return self._parameters.by_instance[instance.id]
+
+    def named_of(self, instance: Instance, name: str) -> Value | None:
+        """See `scope.Owner`."""
+        return self.named[instance.id].get(name)
 
     # ---- names --------------------------------------------------------------------------------------------------------------------
 
@@ -158,7 +226,7 @@ class _Flattener:
             env = replace(self._file, sharing=self._environment(instance).sharing)
         else:
             bindings = instance.instance.bindings if instance.instance else ()
-            env = self._environment(self._instances[instance.parent])
+            env = self._environment(instance, self._instances[instance.parent])
         for bind in bindings:
             name = bind.name.text
             shape = self.storage.shapes[instance.id].get(name)
@@ -184,7 +252,7 @@ class _Flattener:
         """Make a definition of each scalar of a `let` or coupling."""
         names = element_names(name, value.shape)
         elements = tuple(
-            self._define(n, instance.named(n), e, span) for n, e in zip(names, value.elements, strict=True)
+            self._define(n, instance, e, span) for n, e in zip(names, value.elements, strict=True)
         )
         self.named[instance.id][name] = replace(value, elements=elements)
 
@@ -224,9 +292,8 @@ class _Flattener:
                     DefinedTwice(target.span, name=names[place], first=self._equations[key].span)
                 )
                 continue
-            path = instance.named(names[place])
             self._equations[key] = _Defined(
-                self._shallow(element, names[place], path), equation.equation.span
+                self._shallow(element, names[place], instance), equation.equation.span
             )
 
     def _states(self, instance: Instance) -> None:
@@ -254,36 +321,36 @@ class _Flattener:
             self._problems.add((NoDerivative if kind == "diff" else NeverDefined)(variable.span, name=name))
 
     def _initial(self, instance: Instance, variable: Variable, indices: Sequence[int]) -> None:
-        """What the experiment gives, all or some elements, and for the others what the declaration says."""
+        """What the declaration says, and over it what the experiment gives: to all or some elements, of a vector or of an array."""
         name, own = variable.name, self._environment(instance)
         outside = replace(self._file, sharing=own.sharing)
         shape = self.storage.shapes[instance.id][name]
-        first: dict[int, tree.Path] = {}
-        for given in self._initials.get((instance.id, name), ()):
-            path = given.path
+        given: dict[int, tree.Path] = {}
+        gifts = self._initials.get((instance.outline, name), ())
+        values: list[Expr | None] = [None] * len(indices)
+        if variable.declarator.initial is not None and not any(
+            g.whole and not g.path.steps[-1].subs for g in gifts
+        ):
+            values = list(self._start(name, variable.declarator.initial, shape, own))
+        for gift in gifts:
+            path = gift.path
             part, places = elements(path.steps[-1].subs, path.text, shape, path, outside)
-            self._start(instance, name, given.value, part, [indices[p] for p in places], outside)
-            twice = next((first[p] for p in places if p in first), None)
+            mask = elements_of(gift.elements, instance.domain, outside)
+            start = self._start(name, gift.value, part, outside)
+            for place, value in zip(places, start, strict=True):
+                before = values[place]
+                values[place] = value if before is None or mask.all() else _over(mask, value, before, path)
+            twice = next((given[p] for p in places if p in given and gift.whole), None)
             if twice is not None:
                 self._problems.add(GivenTwice(path.span, name=path.span.text, first=twice.span))
-            first.update(dict.fromkeys(places, path))
-        if variable.declarator.initial is not None and len(first) < len(indices):
-            self._start(instance, name, variable.declarator.initial, shape, indices, own)
+            given.update(dict.fromkeys(places, path) if gift.whole else {})
+        for index, start_value in zip(indices, values, strict=True):
+            if start_value is not None:
+                self._initial_values[index] = self._shallow(start_value, name, instance)
 
-    def _start(
-        self,
-        instance: Instance,
-        name: str,
-        expr: tree.Expr,
-        shape: Shape,
-        indices: Sequence[int],
-        env: Environment,
-    ) -> None:
-        """Initial values of some scalars of a state; what has one already keeps it."""
-        value = expected(evaluate(expr, env), "real", shape, f"`{name}`", expr)
-        for index, element in zip(indices, value.elements, strict=True):
-            if index not in self._initial_values:
-                self._initial_values[index] = self._shallow(element, name, instance.named(name))
+    def _start(self, name: str, expr: tree.Expr, shape: Shape, env: Environment) -> tuple[Expr, ...]:
+        """Initial values of the scalars of a state."""
+        return expected(evaluate(expr, env), "real", shape, f"`{name}`", expr).elements
 
     def _nominal(self, instance: Instance, variable: Variable, indices: Sequence[int]) -> None:
         expr = variable.declarator.nominal
@@ -312,6 +379,7 @@ class _Flattener:
             nominal,
             slot.span,
             equation.span,
+            slot.first,
         )
 
     def _finished(self, index: int) -> FlatDefinition:
@@ -320,34 +388,31 @@ class _Flattener:
             return definition
         return replace(definition, value=self._equations["alge", index].value)
 
-    def _variables(self) -> Iterator[FlatVariable]:
-        for instance in self._instances:
-            for name, variable in instance.agent.variables.items():
-                shape = self.storage.shapes[instance.id][name]
-                unit = variable.declarator.unit
-                yield FlatVariable(
-                    instance.named(name), shape, unit.text if unit else None, variable.decl.doc,
-                    variable.decl.access, self._elements(instance, variable), variable.span, scale_of(unit),
-                )  # fmt: skip
-
-    def _elements(self, instance: Instance, variable: Variable) -> tuple[State | Local, ...] | None:
-        """The leaves of a variable; those of a `read` only when it is bound to one variable."""
-        if variable.decl.access != "read":
-            return tuple(
-                e
-                for e in self.storage.value(instance, variable.name, variable.span).elements
-                if isinstance(e, State | Local)
-            )
-        value = self.named[instance.id][variable.name]
-        found = [
-            e
-            for e in value.elements
-            if isinstance(e, State) or (isinstance(e, Local) and self._is_variable(e))
-        ]
-        return tuple(found) if len(found) == len(value.elements) else None
-
     def _is_variable(self, leaf: Local) -> bool:
         return self._definitions[leaf.index].owner is not None
+
+
+def _over(mask: NDArray[np.bool_], value: Expr, before: Expr, node: tree.Node) -> Expr:
+    """`value` for the elements that `mask` marks, `before` for the others."""
+    if not mask.any():
+        return before
+    return Choose(node.span, index_value(column(mask.astype(np.int64)), node.span), value, before)
+
+
+@dataclass(frozen=True, slots=True)
+class _Gathering:
+    """See `evaluate.Gathering`."""
+
+    storage: Storage
+    tables: Tables
+
+    def leaf(self, expr: Expr) -> Expr:
+        """See `evaluate.Gathering`."""
+        return self.tables.leaf(self.storage.gathered(expr))
+
+    def table(self, numbers: tuple[float, ...]) -> int:
+        """See `evaluate.Gathering`."""
+        return self.tables.table(numbers)
 
 
 def _iterations(over: tree.Over | None, env: Environment) -> Iterator[Environment]:
@@ -356,62 +421,3 @@ def _iterations(over: tree.Over | None, env: Environment) -> Iterator[Environmen
     else:
         for i in span_of(over.range, env):
             yield env.bind(over.index.text, number(i, "int"))
-
-
-def _is_matrix(owner: Instance, name: str) -> bool:
-    """Whether a variable, parameter or constant is declared as a matrix."""
-    agent = owner.agent
-    declared = (
-        agent.variables[name].decl
-        if name in agent.variables
-        else agent.params.get(name) or agent.consts.get(name)
-    )
-    return declared is not None and len(declared.type.sizes) == 2
-
-
-@dataclass(frozen=True, slots=True)
-class _InstanceScope:
-    """The names of one agent: its parameters and constants, its variables and `let`s, the `write` variables of its sub-agents."""
-
-    flattener: _Flattener
-    instance: Instance
-
-    def lookup(self, ref: tree.Ref) -> Value:
-        """The value of a reference, without its subscripts. Raises Rejected for a derivative of what has none."""
-        steps = ref.path.steps
-        owner, name = self.instance, steps[0].name.text
-        if len(steps) > 1:
-            owner, name = self.flattener.instance(owner.children[name]), steps[1].name.text
-        variable = owner.agent.variables.get(name)
-        if ref.prime:
-            return self._rate(ref, owner, name, variable)
-        if variable is not None and variable.decl.access != "read":
-            return self.flattener.storage.value(owner, name, ref.span)
-        named = self.flattener.named[owner.id].get(name)
-        if named is not None:
-            return self.flattener.placed(named, ref.span)
-        value = (
-            self.flattener.parameters_of(owner).by_name.get(name)
-            if name not in owner.agent.lets and variable is None
-            else None
-        )
-        if value is None:
-            raise Rejected
-        return value.at(ref.span)
-
-    def _rate(self, ref: tree.Ref, owner: Instance, name: str, variable: Variable | None) -> Value:
-        if variable is not None and variable.decl.access == "read":
-            raise Rejected(DerivativeOfRead(ref.span, name=name, example=self._bound_to(name)))
-        if variable is None or variable.declarator.initial is None:
-            raise Rejected(NotAState(ref.span, name=ref.path.text, matrix=_is_matrix(owner, name)))
-        value = self.flattener.storage.value(owner, name, ref.span)
-        elements = tuple(Rate(ref.span, e.index) for e in value.elements if isinstance(e, State))
-        return replace(value, elements=elements)
-
-    def _bound_to(self, name: str) -> str | None:
-        """What the user's coupling gives for a read variable, if it is a single name."""
-        if self.instance.instance is None:
-            return None
-        bound = (bind.value for bind in self.instance.instance.bindings if bind.name.text == name)
-        value = next(bound, None)
-        return value.path.text if isinstance(value, tree.Ref) and not value.prime else None

@@ -1,18 +1,21 @@
 """Instances: the tree of agents that a chosen top agent is made of.
 
-In: a `Library` and the top agent's name. Out: `Instance`s in text order, each after the agent that contains it, with ids that are their
-places in the tuple. Counted before it is built.
+In: a `Library` and the top agent's name. Out: the outline, `Instance`s in text order, each after the agent that contains it, with ids that are their
+places in the tuple; an array of agents is one of them. Counted before it is built. `elaboration.py` divides arrays into blocks, which are `Instance`s
+again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from hierc.compiler.collector import Rejected
+from hierc.compiler.columns import Integers
 from hierc.compiler.resolve.declarations import Agent, Library
 from hierc.compiler.resolve.errors import NestedTooDeeply, TooManyInstances
 from hierc.compiler.resolve.ordering import ordered
+from hierc.compiler.structure.domains import SINGLE, Domain
 from hierc.grammar import tree
 
 #: Most agents of a model.
@@ -31,8 +34,22 @@ Standing = tuple[Block, int]
 
 
 @dataclass(frozen=True, slots=True)
+class Array:
+    """The agents `name[first]`, `name[first + 1]`, …: `size` of them in each element of the agent around them, in blocks.
+
+    `blocks` are ids of instances. `slots` gives the places of each block's elements among all: those of the first element around them, then those of
+    the next.
+    """
+
+    first: int
+    size: int
+    blocks: tuple[int, ...]
+    slots: tuple[Integers, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Instance:
-    """An agent of the model. The top agent has the path "" and no parent."""
+    """An agent of the model, or a block of an array of agents. The top agent has the path "" and no parent."""
 
     id: int
     path: str
@@ -43,6 +60,9 @@ class Instance:
     children: Mapping[str, int]
     levels: tuple[Standing, ...]  # the levels around it, of all agents around it, from the outside
     place: Place
+    outline: int  # the agent's id in the outline
+    domain: Domain = SINGLE
+    arrays: Mapping[str, Array] = field(default_factory=dict)
 
     def named(self, name: str) -> str:
         """The path of something in this agent."""
@@ -92,12 +112,17 @@ def instances(library: Library, top: Agent) -> tuple[Instance, ...]:
 
 def _instance(library: Library, id_: int, top: Agent, parent: Instance | None, name: str | None) -> Instance:
     if parent is None or name is None:
-        return Instance(id_, "", top, None, None, None, {}, (), ())
+        return Instance(id_, "", top, None, None, None, {}, (), (), id_)
+    return inside(library, parent, name, id_, id_, parent.domain)
+
+
+def inside(library: Library, parent: Instance, name: str, id_: int, outline: int, domain: Domain) -> Instance:
+    """The sub-agent `name` of an agent, with these ids and this domain."""
     sub = parent.agent.subs[name]
-    agent = library.agents[sub.instance.agent.text]
+    path = parent.named(name) + ("" if sub.instance.index is None else "[]")
     return Instance(
-        id_, parent.named(name), agent, parent.id, sub.instance, sub.level, {},
-        parent.standing(sub.level), parent.place_in(sub.level, sub.instance.span.start),
+        id_, path, library.agents[sub.instance.agent.text], parent.id, sub.instance, sub.level, {},
+        parent.standing(sub.level), parent.place_in(sub.level, sub.instance.span.start), outline, domain,
     )  # fmt: skip
 
 

@@ -7,23 +7,43 @@ Nodes that say the same thing are equal but for path, sources, parameter indices
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
-from hierc.compiler.expression import Expr, Input, Local, Parameter, Rate, State
+import numpy as np
+
+from hierc.compiler.columns import Column, Index, column
+from hierc.compiler.expression import Expr, Gather, Input, Local, Parameter, Rate, State
 from hierc.compiler.model import Definition, Node, Source, StateEquation, Variable
 from hierc.compiler.shapes.terms import rewritten
 from hierc.compiler.structure.flat import Flat, FlatVariable, leaves
 from hierc.compiler.structure.instances import level_name
+from hierc.compiler.structure.parameters import Tables
 from hierc.grammar.source import Span
+
+Kind = Literal["state", "rate", "local"]
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """A scalar of a node, whichever of its elements it belongs to; `index` as in `Source`."""
+
+    node: int  # id
+    kind: Kind
+    index: int
 
 
 @dataclass(frozen=True, slots=True)
 class LocalNode:
-    """A node; its first `continuous` inputs are used by equations, the others by initial values only."""
+    """A node; its first `continuous` inputs are used by equations, the others by initial values only.
+
+    `touched`: for each input the scalars that it is, several where the elements of an array read different ones.
+    """
 
     node: Node
     continuous: int
+    touched: tuple[tuple[Scalar, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,20 +55,70 @@ class _Layout:
     shared: int
 
 
-@dataclass(frozen=True, slots=True)
 class _Places:
-    """Where scalars that others may read are: (node, index in it)."""
+    """Where scalars that others may read are: the elements that have them, and the index in their nodes."""
 
-    states: Mapping[int, tuple[int, int]]
-    definitions: Mapping[int, tuple[int, int]]
+    def __init__(self, flat: Flat, layouts: Sequence[_Layout]) -> None:
+        self._flat = flat
+        counts = [node.instance.domain.count for node in flat.nodes]
+        self.first = np.cumsum([0, *counts]).tolist()
+        self._firsts = np.array(self.first[:-1], np.int64)
+        self._states = {g: (n, i) for n, layout in enumerate(layouts) for i, g in enumerate(layout.states)}
+        self._definitions = {
+            g: (n, i)
+            for n, layout in enumerate(layouts)
+            for i, g in enumerate(layout.definitions)
+            if flat.definitions[g].owner == n
+        }
+        owned = [i for i, d in enumerate(flat.definitions) if d.owner is not None]
+        self._state_table = _Table(
+            [s.first for s in flat.states], [self._states[i] for i in range(len(flat.states))]
+        )
+        self._algebraic_table = _Table(
+            [flat.definitions[i].first for i in owned], [self._definitions[i] for i in owned]
+        )
 
-    def source(self, leaf: State | Rate | Local) -> Source:
+    def source(self, leaf: State | Rate | Local | Gather) -> Source:
         """A scalar of the flat model as a source."""
-        if isinstance(leaf, Local):
-            node, index = self.definitions[leaf.index]
-            return Source(node, "local", index)
-        node, index = self.states[leaf.index]
-        return Source(node, "state" if isinstance(leaf, State) else "rate", index)
+        match leaf:
+            case Gather(kind="state" | "rate" as kind, at=at):
+                return Source(*self._found(self._state_table, at, kind))
+            case Gather(at=at):
+                return Source(*self._found(self._algebraic_table, at, "local"))
+            case Local(index=index):
+                node, place = self._definitions[index]
+                return Source(self._elements(node), "local", place)
+            case State(index=index) | Rate(index=index):
+                node, place = self._states[index]
+                return Source(self._elements(node), "state" if isinstance(leaf, State) else "rate", place)
+
+    def touched(self, source: Source) -> tuple[Scalar, ...]:
+        """The scalars that a source is."""
+        numbers = source.node.values if isinstance(source.node, Column) else np.array([source.node])
+        indices = source.index.values if isinstance(source.index, Column) else np.array([source.index])
+        blocks = np.searchsorted(self._firsts, numbers, side="right") - 1
+        pairs = np.unique(np.stack(np.broadcast_arrays(blocks, indices)), axis=1)
+        return tuple(Scalar(block, source.kind, index) for block, index in pairs.T.tolist())
+
+    def _elements(self, node: int) -> Index:
+        """All elements of a node."""
+        first, count = self.first[node], self._flat.nodes[node].instance.domain.count
+        return column(np.arange(first, first + count))
+
+    def _found(self, table: _Table, at: Index, kind: Kind) -> tuple[Index, Kind, Index]:
+        numbers = at.values if isinstance(at, Column) else np.array([at])
+        slots = np.searchsorted(table.firsts, numbers, side="right") - 1
+        elements = np.array(self.first)[table.nodes[slots]] + numbers - table.firsts[slots]
+        return column(elements), kind, column(table.places[slots])
+
+
+class _Table:
+    """For numbered scalars: the number of each block's first, and the block and the index in it."""
+
+    def __init__(self, firsts: Sequence[int], places: Sequence[tuple[int, int]]) -> None:
+        self.firsts = np.array(firsts, np.int64)
+        self.nodes = np.array([node for node, _ in places], np.int64)
+        self.places = np.array([place for _, place in places], np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,19 +129,12 @@ class Nodes:
     variables: tuple[Variable, ...]
 
 
-def make_nodes(flat: Flat) -> Nodes:
-    """The nodes of a flat model, with ids that are their places in it."""
+def make_nodes(flat: Flat, tables: Tables) -> Nodes:
+    """The nodes of a flat model, with ids that are their places in it. What differs between elements goes to `tables`."""
     states, own = _by_node(flat)
     layouts = [_layout(flat, node, states[node], own[node]) for node in range(len(flat.nodes))]
-    state_places = {g: (n, i) for n, layout in enumerate(layouts) for i, g in enumerate(layout.states)}
-    definition_places = {
-        g: (n, i)
-        for n, layout in enumerate(layouts)
-        for i, g in enumerate(layout.definitions)
-        if flat.definitions[g].owner == n
-    }
-    places = _Places(state_places, definition_places)
-    nodes = tuple(_NodeMaker(flat, n, layout, places).result() for n, layout in enumerate(layouts))
+    places = _Places(flat, layouts)
+    nodes = tuple(_NodeMaker(flat, n, layout, places, tables).result() for n, layout in enumerate(layouts))
     return Nodes(nodes, tuple(_variable(v, places) for v in flat.variables if v.elements is not None))
 
 
@@ -79,7 +142,7 @@ def _variable(variable: FlatVariable, places: _Places) -> Variable:
     elements = tuple(places.source(leaf) for leaf in variable.elements or ())
     return Variable(
         variable.path, variable.shape, variable.unit, variable.doc, variable.access, elements, variable.span,
-        variable.scale,
+        variable.scale, variable.count, variable.indices,
     )  # fmt: skip
 
 
@@ -126,15 +189,16 @@ def _require(flat: Flat, node: int, wanted: Iterable[int], order: dict[int, None
 class _NodeMaker:
     """Rewrites the expressions of one node, numbering inputs and parameters as they turn up."""
 
-    def __init__(self, flat: Flat, node: int, layout: _Layout, places: _Places) -> None:
+    def __init__(self, flat: Flat, node: int, layout: _Layout, places: _Places, tables: Tables) -> None:
         self._flat = flat
+        self._tables = tables
         self._node = node
         self._layout = layout
         self._places = places
         self._locals = {index: place for place, index in enumerate(layout.definitions)}
         self._inputs: dict[Source, int] = {}
         self._input_spans: list[Span] = []
-        self._parameters: dict[int, int] = {}
+        self._parameters: dict[Index, int] = {}
 
     def result(self) -> LocalNode:
         flat, layout = self._flat, self._layout
@@ -149,12 +213,15 @@ class _NodeMaker:
             states.append(
                 StateEquation(s.name, rate, self._own(s.initial), self._own(s.nominal), s.span, s.rate_span)
             )
+        domain = here.instance.domain
         node = Node(
             self._node, here.path, here.template, tuple(states), tuple(definitions),
-            tuple(self._inputs), tuple(self._input_spans), tuple(self._parameters), here.span, self._node,
+            tuple(self._inputs), tuple(self._input_spans), tuple(self._parameters), here.span,
+            self._places.first[self._node],
             levels=tuple(level_name(flat.instances, level) for level in here.levels),
+            count=domain.count, indices=tuple(column(c) for c in domain.indices),
         )  # fmt: skip
-        return LocalNode(node, continuous)
+        return LocalNode(node, continuous, tuple(self._places.touched(s) for s in self._inputs))
 
     def _definitions(self, indices: Sequence[int]) -> list[Definition]:
         made: list[Definition] = []
@@ -171,17 +238,28 @@ class _NodeMaker:
         match leaf:
             case State() | Rate():
                 source = self._places.source(leaf)
-                if source.node == self._node:
+                own = self._flat.states[leaf.index].node == self._node
+                if own and isinstance(source.index, int):
                     return replace(leaf, index=source.index)
                 return self._input(source, leaf.span)
             case Local(index=index):
                 if index in self._locals:
                     return replace(leaf, index=self._locals[index])
                 return self._input(self._places.source(leaf), leaf.span)
+            case Gather(kind="parameter", at=at, span=span):
+                return self._parameter(at, span)
+            case Gather(kind="index", at=at, span=span):
+                assert isinstance(at, Column)
+                return self._parameter(self._tables.entries(at), span)
+            case Gather():
+                return self._input(self._places.source(leaf), leaf.span)
             case Parameter(span=span, index=index):
-                return Parameter(span, self._parameters.setdefault(index, len(self._parameters)))
+                return self._parameter(index, span)
             case _:
                 return leaf
+
+    def _parameter(self, at: Index, span: Span | None) -> Parameter:
+        return Parameter(span, self._parameters.setdefault(at, len(self._parameters)))
 
     def _input(self, source: Source, span: Span | None) -> Input:
         place = self._inputs.setdefault(source, len(self._inputs))

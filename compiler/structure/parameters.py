@@ -1,29 +1,82 @@
 """Parameters: the parameter vector of a model, and what parameters, constants and `let`s of them are in each agent.
 
 In: instances, the values an experiment gives and those given from outside. Out: `Parameters`. Guaranteed: every parameter stands after those its
-value is made of; structural ones are literals; values have the declared types and shapes.
+value is made of, those of single agents before those of arrays; structural ones are literals; values have the declared types and shapes.
 """
 
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hierc.compiler import expression, model
 from hierc.compiler.collector import Rejected
+from hierc.compiler.columns import Column, Integers, column, taken
 from hierc.compiler.context import Context
+from hierc.compiler.expression import Choose, Expr, Gather
 from hierc.compiler.resolve.constants import ByName, agent_constants, literal, measured
 from hierc.compiler.resolve.outside import Given, outside_value
 from hierc.compiler.resolve.structural import structural_parameters
-from hierc.compiler.shapes.evaluate import Environment, Values, declared_shape, evaluate, expected
-from hierc.compiler.shapes.values import Value, size_of
+from hierc.compiler.shapes.evaluate import (
+    Chosen,
+    Environment,
+    Scope,
+    Values,
+    declared_shape,
+    evaluate,
+    expected,
+)
+from hierc.compiler.shapes.terms import rewritten
+from hierc.compiler.shapes.values import Shape, Value, index_value, scalar_of, size_of
+from hierc.compiler.structure.array_errors import StructuralElement
+from hierc.compiler.structure.domains import Domain
 from hierc.compiler.structure.instances import Instance
+from hierc.compiler.structure.paths import Gift, elements_of
 from hierc.compiler.units.units import scale_of
 from hierc.grammar import tree
 
-#: Parameters that an experiment gives, by instance and name.
-Arguments = Mapping[tuple[int, str], tree.Expr]
+#: Parameters that an experiment gives, by agent of the outline and name.
+Arguments = Mapping[tuple[int, str], tuple[Gift, ...]]
+
+
+class Tables:
+    """The parameter vector while it grows: the first entry that is free, and numbers that differ from element to element and never change."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._constants: dict[Column | tuple[float, ...], int] = {}
+
+    def reserve(self, count: int) -> int:
+        """The first of `count` new entries."""
+        first = self.count
+        self.count += count
+        return first
+
+    def entries(self, integers: Column) -> Column:
+        """The entries that hold some integers."""
+        first = self._first(integers)
+        return Column(np.arange(first, first + len(integers)))
+
+    def table(self, numbers: tuple[float, ...]) -> int:
+        """The first of the entries that hold some numbers."""
+        return self._first(numbers)
+
+    def _first(self, numbers: Column | tuple[float, ...]) -> int:
+        if numbers not in self._constants:
+            self._constants[numbers] = self.reserve(len(numbers))
+        return self._constants[numbers]
+
+    def constants(self) -> tuple[model.Constants, ...]:
+        """All such numbers."""
+        return tuple(model.Constants(first, numbers) for numbers, first in self._constants.items())
+
+    def leaf(self, expr: Expr) -> Expr:
+        """A parameter as what an element gathers; see `evaluate.Gathering`."""
+        return Gather(expr.span, "parameter", expr.index) if isinstance(expr, expression.Parameter) else expr
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,22 +84,39 @@ class Parameters:
     """The parameter vector, and for each instance the values of its parameters, constants and `let`s of parameters."""
 
     entries: tuple[model.Parameter, ...]
-    count: int
+    tables: Tables
     by_instance: tuple[Values, ...]
 
 
-def make_parameters(
-    context: Context, instances: Sequence[Instance], arguments: Arguments, given: Given
-) -> Parameters:
-    """Lay out the parameter vector. `given` holds values from outside by path; only those of structural parameters count here."""
-    builder = _Builder(context, arguments, given)
-    for instance in instances:
-        builder.add(instance)
-    return Parameters(tuple(builder.entries), builder.count, tuple(builder.by_instance))
+@dataclass(frozen=True, slots=True)
+class Brought:
+    """The parameters of an agent, as the elements of an array inside it use them; `places`: where these stand in the agent's own domain."""
+
+    scope: Scope
+    places: Integers
+
+    def lookup(self, ref: tree.Ref, chosen: Chosen | None = None) -> Value:
+        """See `evaluate.Scope`."""
+        value = self.scope.lookup(ref, chosen)
+        return replace(value, elements=tuple(brought(e, self.places) for e in value.elements))
 
 
-class _Builder:
-    """Adds instances one after the other, each after its parent."""
+def brought(expr: Expr, places: Integers) -> Expr:
+    """An expression of parameters and indices, as elements at some places have it."""
+
+    def leaf(e: Expr) -> Expr:
+        if not isinstance(e, Gather):
+            return e
+        at = taken(e.at, places)
+        return index_value(at, e.span) if e.kind == "index" else replace(e, at=at)
+
+    return rewritten(expr, leaf)
+
+
+class ParameterBuilder:
+    """Adds instances one after the other, each after its parent. `given` holds values from outside by path; only those of structural
+    parameters count here.
+    """
 
     def __init__(self, context: Context, arguments: Arguments, given: Given) -> None:
         self._context = context
@@ -57,9 +127,26 @@ class _Builder:
         self._arguments = arguments
         self._given = given
         self._consts: dict[str, ByName] = {}
-        self.entries: list[model.Parameter] = []
-        self.count = 0
-        self.by_instance: list[Values] = []
+        self._entries: list[model.Parameter] = []
+        self._by_instance: list[Values] = []
+        self._tables = Tables()
+
+    def result(self) -> Parameters:
+        """The parameters of all instances added."""
+        entries = sorted(self._entries, key=lambda entry: bool(entry.indices))
+        return Parameters(tuple(entries), self._tables, tuple(self._by_instance))
+
+    def structural(self, agent: str) -> frozenset[str]:
+        """The structural parameters of an agent definition."""
+        return self._structural.get(agent, frozenset())
+
+    def environment(self, instance: int, domain: Domain, over: tree.Over | None = None) -> Environment:
+        """What an agent's elements see of its parameters; with `over`, what those of an array inside it see of them and of their index."""
+        scope: Scope = self._by_instance[instance]
+        if over is not None and domain.outer is not None and domain.outer.count > 1:
+            scope = Brought(scope, domain.places)
+        env = replace(self._file, scope=scope, gathering=self._tables if domain.count > 1 else None)
+        return env if over is None else env.bind(over.index.text, index_of_elements(domain))
 
     def add(self, instance: Instance) -> None:
         """Evaluate the parameters, then the `let`s made of them."""
@@ -67,7 +154,8 @@ class _Builder:
         consts = self._constants_of(instance)
         refused: dict[str, Rejected] = {}
         scope = Values(ChainMap(own, consts, self._context.constants), refused)
-        env = replace(self._file, scope=scope)
+        gathering = self._tables if instance.domain.count > 1 else None
+        env = replace(self._file, scope=scope, gathering=gathering)
         for name, param in instance.agent.params.items():
             try:
                 own[name] = self._parameter(instance, param, env)
@@ -80,7 +168,7 @@ class _Builder:
                     own[name] = replace(value, elements=tuple(measured(e) for e in value.elements))
                 except Rejected as rejection:
                     refused[name] = rejection  # equations can share parts of it, and may still use it
-        self.by_instance.append(scope)
+        self._by_instance.append(scope)
 
     def _constants_of(self, instance: Instance) -> ByName:
         agent = instance.agent
@@ -103,45 +191,88 @@ class _Builder:
         scale = scale_of(param.unit)
         shape = declared_shape(param.type, env)
         structural = name in self._structural[instance.agent.name]
-        if structural and path in self._given:
-            value = outside_value(path, self._given[path], param.type.scalar, shape, scale)
+        whole = path.replace("[]", "")
+        if structural and whole in self._given:
+            value = outside_value(whole, self._given[whole], param.type.scalar, shape, scale)
         else:
             value = self._declared_value(instance, param, shape, env)
         if structural:
             value = literal(value, f"structural parameter `{name}`", param)
-        first = self.count
-        self.count += size_of(shape)
-        self.entries.append(
+        domain, size = instance.domain, size_of(shape)
+        first = self._tables.reserve(size * domain.count)
+        values = tuple(rewritten(e, self._entry) for e in value.elements)
+        indices = tuple(column(c) for c in domain.indices)
+        self._entries.append(
             model.Parameter(
-                path,
-                param.type.scalar,
-                shape,
-                unit,
-                "",
-                first,
-                value.elements,
-                structural,
-                param.name.span,
-                scale,
+                path, param.type.scalar, shape, unit, "", first, values, structural, param.name.span, scale,
+                domain.count, indices,
             )
-        )
+        )  # fmt: skip
         if structural:
             return value
-        elements = tuple(expression.Parameter(None, first + i) for i in range(size_of(shape)))
-        return Value(param.type.scalar, shape, elements)
+        return Value(
+            param.type.scalar, shape, tuple(_own(first + i, size, domain.count) for i in range(size))
+        )
 
-    def _declared_value(
-        self, instance: Instance, param: tree.Param, shape: tuple[int, ...], own: Environment
-    ) -> Value:
-        """What the experiment, the argument or the default says."""
-        name = param.name.text
-        expr, env = self._arguments.get((instance.id, name)), self._file
-        if expr is None and instance.instance is not None and instance.parent is not None:
-            expr = next((arg.value for arg in instance.instance.args if arg.name.text == name), None)
-            env = replace(self._file, scope=self.by_instance[instance.parent])
-        if expr is None:
-            expr, env = param.default, own
-        if expr is None:
+    def _entry(self, leaf: Expr) -> Expr:
+        """An index as the entry of the parameter vector that holds it."""
+        if isinstance(leaf, Gather) and leaf.kind == "index" and isinstance(leaf.at, Column):
+            return Gather(leaf.span, "parameter", self._tables.entries(leaf.at))
+        return leaf
+
+    def _declared_value(self, instance: Instance, param: tree.Param, shape: Shape, own: Environment) -> Value:
+        """What the experiment, the argument or the default says; the experiment perhaps for some elements of an array only."""
+        gifts = self._arguments.get((instance.outline, param.name.text), ())
+        value: Value | None = None
+        if not any(gift.whole for gift in gifts):
+            value = self._written(instance, param, shape, own)
+        for gift in gifts:
+            given = self._typed(gift.value, self._file, param, shape)
+            mask = elements_of(gift.elements, instance.domain, self._file)
+            if value is None or mask.all():
+                value = given
+            elif mask.any():
+                if param.name.text in self._structural[instance.agent.name]:
+                    path = instance.named(param.name.text).replace("[]", "")
+                    raise Rejected(StructuralElement(gift.path.span, name=param.name.text, path=path))
+                value = overlaid(mask, given, value, gift.path)
+        if value is None:
             raise Rejected  # reported where the argument is missing
-        value = expected(evaluate(expr, env), param.type.scalar, shape, f"parameter `{name}`", expr)
+        return value
+
+    def _written(self, instance: Instance, param: tree.Param, shape: Shape, own: Environment) -> Value:
+        """The argument or the default."""
+        sub = instance.instance
+        if sub is not None and instance.parent is not None:
+            expr = next((arg.value for arg in sub.args if arg.name.text == param.name.text), None)
+            if expr is not None:
+                env = self.environment(instance.parent, instance.domain, sub.index)
+                return self._typed(expr, env, param, shape)
+        if param.default is None:
+            raise Rejected  # reported where the argument is missing
+        return self._typed(param.default, own, param, shape)
+
+    def _typed(self, expr: tree.Expr, env: Environment, param: tree.Param, shape: Shape) -> Value:
+        value = expected(
+            evaluate(expr, env), param.type.scalar, shape, f"parameter `{param.name.text}`", expr
+        )
         return replace(value, elements=tuple(measured(e) for e in value.elements))
+
+
+def index_of_elements(domain: Domain) -> Value:
+    """The index of each element in the innermost array around it."""
+    return scalar_of("int", index_value(column(domain.indices[-1])))
+
+
+def overlaid(mask: NDArray[np.bool_], given: Value, value: Value, node: tree.Node) -> Value:
+    """`given` for the elements that `mask` marks, `value` for the others."""
+    test = index_value(column(mask.astype(np.int64)), node.span)
+    pairs = zip(given.elements, value.elements, strict=True)
+    return replace(value, elements=tuple(Choose(node.span, test, a, b) for a, b in pairs))
+
+
+def _own(first: int, size: int, count: int) -> Expr:
+    """The entries of one scalar of a parameter, element by element."""
+    if count == 1:
+        return expression.Parameter(None, first)
+    return Gather(None, "parameter", Column(first + size * np.arange(count)))

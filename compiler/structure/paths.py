@@ -6,34 +6,74 @@ meant raises Rejected.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hierc.compiler.collector import Rejected
+from hierc.compiler.columns import Column, Integers, expanded
+from hierc.compiler.elements import Elements
 from hierc.compiler.model import Group, Node, Variable
-from hierc.compiler.shapes.evaluate import Environment, selected
+from hierc.compiler.shapes.evaluate import Environment, known_integer, selected, span_of
 from hierc.compiler.shapes.values import Shape, element_names, type_text
+from hierc.compiler.structure.array_errors import NotAnArray, OutOfArray
+from hierc.compiler.structure.domains import Domain
 from hierc.compiler.structure.errors import MatchesNothing, UnknownPath
 from hierc.compiler.structure.instances import Instance
 from hierc.compiler.suggest import without_level
 from hierc.grammar import tree
 
+Sub = tree.Expr | tree.Range
+
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """What a path names: `name` of an agent, and the subscripts written after it."""
+    """What a path names: `name` of an agent of the outline, and the subscripts written after it.
+
+    `elements`: for each array on the way the subscript written after it, or None for all of it.
+    """
 
     owner: Instance
     name: str
-    subs: tuple[tree.Expr | tree.Range, ...]
+    subs: tuple[Sub, ...]
+    elements: tuple[Sub | None, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Gift:
+    """What an experiment gives to a parameter or state; `elements` as in `Named`."""
+
+    path: tree.Path
+    value: tree.Expr
+    elements: tuple[Sub | None, ...]
+
+    @property
+    def whole(self) -> bool:
+        """Whether all elements of all arrays get it."""
+        return all(sub is None for sub in self.elements)
+
+
+def elements_of(elements: Sequence[Sub | None], domain: Domain, env: Environment) -> NDArray[np.bool_]:
+    """Which elements of a domain the subscripts of its arrays choose. Raises Rejected for one that is no known integer or lies outside."""
+    mask = np.ones(domain.count, np.bool_)
+    for sub, own in zip(elements, domain.indices, strict=True):
+        if isinstance(sub, tree.Range):
+            wanted = span_of(sub, env)
+            mask &= (own >= wanted.start) & (own < wanted.stop)
+        elif sub is not None:
+            mask &= own == known_integer(sub, env, "index")
+    return mask
 
 
 def find(path: tree.Path, instances: Sequence[Instance]) -> Named:
-    """The agent that the last name of a path belongs to. Raises Rejected (E910)."""
+    """The agent that the last name of a path belongs to. Raises Rejected (E910, E806)."""
     at = instances[0]
+    elements: list[Sub | None] = []
     for place, step in enumerate(path.steps[:-1]):
         name = step.name.text
-        if name not in at.children or step.subs:
+        if name not in at.children:
             rest = ".".join(s.name.text for s in path.steps[:place] + path.steps[place + 1 :])
             level = rest if name in at.agent.levels else None
             known = tuple(at.children)
@@ -41,28 +81,53 @@ def find(path: tree.Path, instances: Sequence[Instance]) -> Named:
                 UnknownPath(step.span, what="agent", path=step.span.text, candidates=known, shorter=level)
             )
         at = instances[at.children[name]]
+        if at.instance is not None and at.instance.index is not None:
+            elements.append(step.subs[0] if step.subs else None)
+        if len(step.subs) > (at.instance is not None and at.instance.index is not None):
+            raise Rejected(NotAnArray(step.span, name=name, arrays=()))
     last = path.steps[-1]
-    return Named(at, last.name.text, last.subs)
+    return Named(at, last.name.text, last.subs, tuple(elements))
 
 
 def group_named(path: tree.Path, groups: Sequence[Group], nodes: Sequence[Node]) -> str:
-    """The group of this name, or the one that all of an agent or level belongs to. Raises Rejected (E910)."""
+    """The group of this name, or the one that all of an agent or level belongs to; the groups of an array together, or one of them.
+
+    Raises Rejected (E910).
+    """
     text = path.span.text
-    known = tuple(group.name for group in groups)
-    if text in known:
-        return text
-    found = tuple(group.name for group in groups if any(_is_in(nodes[n], text) for n in group.nodes))
+    plain = path.text
+    known = {group.name.replace("[]", ""): group for group in groups}
+    if plain in known:
+        family = known[plain]
+        return text if any(step.subs for step in path.steps) and family.indices else plain
+    blocks = Elements(node.first for node in nodes)
+    found = tuple(
+        name
+        for name, group in known.items()
+        if any(_is_in(nodes[block], plain) for block in _blocks(group, blocks))
+    )
     if len(found) != 1:
-        shorter = without_level(text, known)
+        shorter = without_level(text, tuple(known))
         raise Rejected(
-            UnknownPath(path.span, what="group", path=text, candidates=known, shorter=shorter, several=found)
+            UnknownPath(
+                path.span, what="group", path=text, candidates=tuple(known), shorter=shorter, several=found
+            )
         )
     return found[0]
 
 
+def _blocks(group: Group, blocks: Elements) -> Iterator[int]:
+    """The nodes that have elements in a group."""
+    for members in group.nodes:
+        numbers = members.values if isinstance(members, Column) else np.array([members])
+        yield from np.unique(blocks.blocks(numbers)).tolist()
+
+
 def _is_in(node: Node, path: str) -> bool:
     """Whether a node is the agent or level of this name, or in it."""
-    return node.path == path or node.path.startswith(f"{path}.") or path in node.levels
+    whole = node.path.replace("[]", "")
+    levels = [level.replace("[]", "") for level in node.levels]
+    return whole == path or whole.startswith(f"{path}.") or path in levels
 
 
 def elements(
@@ -76,33 +141,61 @@ def elements(
 
 def recorded(pattern: tree.Pattern, variables: Mapping[str, Variable], env: Environment) -> list[str]:
     """The names for results that a pattern of `record` matches, elements by their subscripts. Raises Rejected (E904, E303)."""
-    last = pattern.path.steps[-1]
-    plain = all(not step.subs for step in pattern.path.steps[:-1])
-    path = ".".join(step.name.text for step in pattern.path.steps)
+    steps = pattern.path.steps
+    agents = steps if pattern.star else steps[:-1]
+    path = pattern.path.text
+    by_name = {name.replace("[]", ""): variable for name, variable in variables.items()}
     if pattern.star:
-        return _inside(pattern, path, variables) if plain and not last.subs else _nothing(pattern, variables)
-    variable = variables.get(path)
-    if variable is None or not plain:
-        return _nothing(pattern, variables)
-    if not last.subs:
-        return [path]
-    _, places = elements(last.subs, path, variable.shape, pattern.path, env)
-    names = element_names(path, variable.shape)
+        found = [v for name, v in by_name.items() if name.startswith(f"{path}.") and v.access == "write"]
+        if not found:
+            written = [name for name, v in by_name.items() if v.access == "write"]
+            owners = dict.fromkeys(name.rpartition(".")[0] for name in written)
+            raise Rejected(_no_match(pattern, [f"{owner}.*" for owner in owners if owner]))
+        return [_with_indices(v, agents, env) for v in found]
+    variable = by_name.get(path)
+    if variable is None:
+        raise Rejected(_no_match(pattern, list(by_name)))
+    name = _with_indices(variable, agents, env)
+    if not steps[-1].subs:
+        return [name]
+    _, places = elements(steps[-1].subs, path, variable.shape, pattern.path, env)
+    names = element_names(name, variable.shape)
     return [names[place] for place in places]
 
 
-def _inside(pattern: tree.Pattern, path: str, variables: Mapping[str, Variable]) -> list[str]:
-    """All `write` variables in an agent, at any depth."""
-    written = [v.path for v in variables.values() if v.access == "write"]
-    found = [name for name in written if name.startswith(f"{path}.")]
-    if not found:
-        owners = dict.fromkeys(name.rpartition(".")[0] for name in written)
-        raise Rejected(_no_match(pattern, [f"{owner}.*" for owner in owners if owner]))
-    return found
+def _with_indices(variable: Variable, steps: Sequence[tree.Step], env: Environment) -> str:
+    """The name of a variable, of the elements of arrays that the steps choose: `car[2..5].x`; `car.x` is all of them."""
+    names = variable.path.split(".")
+    arrays = [place for place, name in enumerate(names) if name.endswith("[]")]
+    shown = [name.removesuffix("[]") for name in names]
+    for place, step in enumerate(steps):
+        if step.subs and place not in arrays:
+            raise Rejected(NotAnArray(step.span, name=step.name.text, arrays=()))
+        if step.subs:
+            indices = variable.indices[arrays.index(place)]
+            shown[place] += _subscript(step.subs[0], step, expanded(indices, variable.count), env)
+    return ".".join(shown)
 
 
-def _nothing(pattern: tree.Pattern, variables: Mapping[str, Variable]) -> list[str]:
-    raise Rejected(_no_match(pattern, list(variables)))
+def _subscript(sub: Sub, step: tree.Step, indices: Integers, env: Environment) -> str:
+    """A subscript of an array of agents as numbers. Raises Rejected (E801) where there is no such element."""
+    ends = (sub.first, sub.last) if isinstance(sub, tree.Range) else (sub,)
+    numbers = [known_integer(end, env, "index") for end in ends]
+    first, last = int(indices.min()), int(indices.max())
+    outside = next((n for n in numbers if not first <= n <= last), None)
+    if outside is not None:
+        raise Rejected(
+            OutOfArray(
+                step.span,
+                text=step.span.text,
+                index=outside,
+                first=first,
+                last=last,
+                where=(),
+                index_name=None,
+            )
+        )
+    return f"[{'..'.join(map(str, numbers))}]"
 
 
 def _no_match(pattern: tree.Pattern, candidates: Sequence[str]) -> MatchesNothing:

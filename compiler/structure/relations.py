@@ -14,7 +14,20 @@ from functools import cache
 from hierc.compiler import unsupported
 from hierc.compiler.callees.callee import Table
 from hierc.compiler.collector import Collector
-from hierc.compiler.expression import Apply, Choose, Expr, Input, Local, Number, Parameter, Rate, State, Time
+from hierc.compiler.elements import Elements
+from hierc.compiler.expression import (
+    Apply,
+    Choose,
+    Expr,
+    Gather,
+    Input,
+    Local,
+    Number,
+    Parameter,
+    Rate,
+    State,
+    Time,
+)
 from hierc.compiler.model import Node
 from hierc.grammar.problems import Problem
 from hierc.grammar.source import SourceFile, Span
@@ -25,8 +38,11 @@ _JUMPING = frozenset({"sign", "floor", "ceil", "round", "mod", "quotient"})
 def warn_of_jumps(nodes: tuple[Node, ...], problems: Collector) -> None:
     """Add a warning for every place, once; a place inside another says no more."""
     published: dict[int, set[int]] = {node.id: set() for node in nodes}
-    for source in (source for node in nodes for source in node.inputs if source.kind == "local"):
-        published[source.node].add(source.index)
+    elements = Elements(node.first for node in nodes)
+    for node in nodes:
+        for source in (source for source in node.inputs if source.kind == "local"):
+            for block, index in elements.touched(source, node.count):
+                published[block].add(index)
     jumps = (jump.span for node in nodes for jump in _jumps(node, published[node.id]))
     for span in _outermost({span for span in jumps if span is not None}):
         problems.add(unsupported.Jump(span))
@@ -68,7 +84,7 @@ def _jumps(node: Node, published: Iterable[int]) -> Iterator[Choose | Apply]:
         match e:
             case Time() | State() | Rate() | Input():
                 return True
-            case Number() | Parameter():
+            case Number() | Parameter() | Gather():
                 return False
             case Local(index=index):
                 return varies(node.definitions[index].value)

@@ -6,8 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
+import numpy as np
+
 from hierc.compiler.collector import Collector, Rejected
-from hierc.compiler.expression import Expr, Local, Number, State
+from hierc.compiler.columns import Index, Integers, column
+from hierc.compiler.expression import Expr, Gather, Local, Number, Rate, State
 from hierc.compiler.resolve.declarations import Variable
 from hierc.compiler.shapes.errors import AnalogNotReal
 from hierc.compiler.shapes.evaluate import Environment, declared_shape
@@ -20,16 +23,20 @@ from hierc.grammar.source import Span
 
 @dataclass(frozen=True, slots=True)
 class StateSlot:
-    """A scalar state without its equation."""
+    """A scalar state of a block without its equation; `first` is the number of its first element's."""
 
     node: int
     name: str
     span: Span
+    first: int
 
 
 @dataclass(frozen=True, slots=True)
 class Storage:
-    """The scalars of a model. `indices` gives those of a variable in `states` or `algebraic`, for each instance by name."""
+    """The scalars of a model. `indices` gives those of a variable in `states` or `algebraic`, for each instance by name.
+
+    Each stands for one scalar of all elements of a block. These are numbered through, for states and for algebraic variables, block by block.
+    """
 
     nodes: tuple[FlatNode, ...]
     states: tuple[StateSlot, ...]
@@ -46,6 +53,37 @@ class Storage:
         elements: tuple[Expr, ...] = tuple(State(span, i) if is_state else Local(span, i) for i in indices)
         return Value("real", self.shapes[instance.id][name], elements)
 
+    def gathered(self, leaf: Expr) -> Expr:
+        """A variable of elements themselves, or of a single agent, by its numbers; any other expression as it is."""
+        match leaf:
+            case State(index=slot):
+                state = self.states[slot]
+                return Gather(leaf.span, "state", self._numbers(state.first, state.node))
+            case Rate(index=slot):
+                state = self.states[slot]
+                return Gather(leaf.span, "rate", self._numbers(state.first, state.node))
+            case Local(index=index) if index < len(self.algebraic):
+                here = self.algebraic[index]
+                return (
+                    leaf
+                    if here.owner is None
+                    else Gather(leaf.span, "algebraic", self._numbers(here.first, here.owner))
+                )
+            case _:
+                return leaf
+
+    def _numbers(self, first: int, node: int) -> Index:
+        return column(np.arange(first, first + self.nodes[node].instance.domain.count))
+
+    def numbers(self, instance: Instance, name: str) -> list[Integers]:
+        """For each scalar of a variable, the numbers of the elements' own. Raises Rejected if the variable was refused."""
+        indices = self.indices[instance.id].get(name)
+        if indices is None:
+            raise Rejected
+        is_state = instance.agent.variables[name].declarator.initial is not None
+        firsts = [self.states[i].first if is_state else self.algebraic[i].first for i in indices]
+        return [np.arange(first, first + instance.domain.count) for first in firsts]
+
 
 def allocate(
     file: Environment, instances: Sequence[Instance], parameters: Parameters, problems: Collector
@@ -57,6 +95,7 @@ def allocate(
     places = {(node.instance.id, node.level): index for index, node in enumerate(nodes)}
     states: list[StateSlot] = []
     algebraic: list[FlatDefinition] = []
+    numbers = {"state": 0, "algebraic": 0}
     shapes: list[dict[str, Shape]] = [{} for _ in instances]
     indices: list[dict[str, tuple[int, ...]]] = [{} for _ in instances]
     for instance in instances:
@@ -73,17 +112,25 @@ def allocate(
             node = places[instance.id, variable.level]
             names = element_names(name, shape)
             if variable.declarator.initial is not None:
-                first = len(states)
-                states += [StateSlot(node, n, variable.span) for n in names]
+                first, kind = len(states), "state"
+                numbered = [numbers[kind] + k * instance.domain.count for k in range(len(names))]
+                states += [StateSlot(node, n, variable.span, k) for n, k in zip(names, numbered, strict=True)]
             else:
-                first = len(algebraic)
-                algebraic += [_undefined(instance, n, variable, node) for n in names]
+                first, kind = len(algebraic), "algebraic"
+                numbered = [numbers[kind] + k * instance.domain.count for k in range(len(names))]
+                algebraic += [
+                    _undefined(instance, n, variable, node, k) for n, k in zip(names, numbered, strict=True)
+                ]
+            numbers[kind] += len(names) * instance.domain.count
             indices[instance.id][name] = tuple(range(first, first + len(names)))
     return Storage(tuple(nodes), tuple(states), tuple(algebraic), tuple(shapes), tuple(indices))
 
 
-def _undefined(instance: Instance, name: str, variable: Variable, node: int) -> FlatDefinition:
-    return FlatDefinition(name, instance.named(name), Number(None, 0.0), variable.span, node, hidden=False)
+def _undefined(instance: Instance, name: str, variable: Variable, node: int, first: int) -> FlatDefinition:
+    path = instance.named(name)
+    return FlatDefinition(
+        name, path, Number(None, 0.0), variable.span, node, hidden=False, domain=instance.domain, first=first
+    )
 
 
 def _shape(variable: Variable, env: Environment) -> Shape:

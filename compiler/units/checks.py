@@ -236,18 +236,22 @@ class _Checker:
     def instance(self, inner: Agent | None, instance: tree.Instance) -> None:
         if inner is None:
             return
+        index = instance.index
+        bound = frozenset({index.index.text}) if index is not None else frozenset[str]()
         for arg in instance.args:
             if (param := inner.params.get(arg.name.text)) is not None:
-                self.argument(param, arg.value, arg.span)
+                self.argument(param, arg.value, arg.span, bound)
         for bind in instance.bindings:
-            self.coupling(inner, bind)
+            self.coupling(inner, bind, bound)
 
-    def argument(self, param: tree.Param, value: tree.Expr, span: Span) -> None:
-        """The argument at `span` gives a parameter of an agent its value."""
-        self._assigned(named(param.name, declared(param.unit, param.type.scalar)), value, span.text)
+    def argument(
+        self, param: tree.Param, value: tree.Expr, span: Span, bound: frozenset[str] = frozenset()
+    ) -> None:
+        """The argument at `span` gives a parameter of an agent its value. The names `bound` are indices."""
+        self._assigned(named(param.name, declared(param.unit, param.type.scalar)), value, span.text, bound)
 
-    def coupling(self, inner: Agent, bind: tree.Bind) -> None:
-        """A coupling gives a `read` variable of `inner` its value."""
+    def coupling(self, inner: Agent, bind: tree.Bind, bound: frozenset[str] = frozenset()) -> None:
+        """A coupling gives a `read` variable of `inner` its value. The names `bound` are indices."""
 
         def differ(left: Side, right: Side) -> Problem:
             return CouplingUnits(right.span, text=bind.span.text, read=left, given=right)
@@ -255,7 +259,7 @@ class _Checker:
         variable = inner.variables.get(bind.name.text)
         if variable is not None:
             wanted = variable_unit(inner, variable.name)
-            self._agreed(named(variable.declarator.name, wanted), bind.value, differ)
+            self._agreed(named(variable.declarator.name, wanted), bind.value, differ, bound)
 
     # ---- experiments ------------------------------------------------------------------------------------------------------------------
 

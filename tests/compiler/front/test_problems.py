@@ -41,7 +41,7 @@ def test_wording(case: Path, request: pytest.FixtureRequest) -> None:
 
 
 def kinds_of_problems() -> Iterator[type[Problem]]:
-    for name in (*(f"{phase}.errors" for phase in PHASES), "unsupported"):
+    for name in (*(f"{phase}.errors" for phase in PHASES), "structure.array_errors", "unsupported"):
         module = import_module(f"hierc.compiler.{name}")
         for kind in vars(module).values():
             if (

@@ -1,0 +1,67 @@
+"""Domains: the elements that a block of agents has.
+
+Agents that stand in no array have the domain `SINGLE`, of one element. The agents of an array have a domain of their own, and so have the blocks that
+it is divided into; the agents inside them share it, unless they are arrays again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hierc.compiler.columns import Integers
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Domain:
+    """`count` elements. `places`: where each stands in the domain `outer` of the agent around the array.
+
+    `indices`: for each array around the elements, from the outside, their index in it.
+    """
+
+    count: int
+    outer: Domain | None
+    places: Integers
+    indices: tuple[Integers, ...]
+
+    def within(self, ancestor: Domain) -> Integers:
+        """The place of each element in a domain around this one (or in itself)."""
+        places = np.arange(self.count)
+        at: Domain = self
+        while at is not ancestor:
+            if at.outer is None:
+                raise ValueError("this domain does not lie in that one")
+            places = at.places[places]
+            at = at.outer
+        return places
+
+    def inside(self, ancestor: Domain) -> bool:
+        """Whether `ancestor` is this domain or one around it."""
+        at: Domain | None = self
+        while at is not None and at is not ancestor:
+            at = at.outer
+        return at is not None
+
+
+SINGLE = Domain(1, None, np.zeros(1, np.int64), ())
+
+
+def array_domain(outer: Domain, first: int, size: int) -> Domain:
+    """`size` elements, with indices from `first` on, in each element of `outer`."""
+    places = np.repeat(np.arange(outer.count), size)
+    own = np.tile(np.arange(first, first + size), outer.count)
+    return Domain(len(own), outer, places, (*(column[places] for column in outer.indices), own))
+
+
+def chosen(domain: Domain, elements: Integers) -> Domain:
+    """Some elements of a domain as one of their own."""
+    columns = tuple(column[elements] for column in domain.indices)
+    return Domain(len(elements), domain.outer, domain.places[elements], columns)
+
+
+def spelled(path: str, indices: Sequence[int]) -> str:
+    """A path with its indices put in: `car[3].engine`."""
+    parts = path.split("[]")
+    return "".join(part + f"[{index}]" for part, index in zip(parts, indices, strict=False)) + parts[-1]

@@ -1,0 +1,224 @@
+"""Scopes of agents whose variables have their places: what a name of an agent is, for the agent itself and for the elements of an array inside it.
+
+Part of the phase `flatten.py`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol
+
+import numpy as np
+
+from hierc.compiler.collector import Rejected
+from hierc.compiler.columns import Column, Index, Integers, column, expanded
+from hierc.compiler.equations.errors import DerivativeOfRead, NotAState
+from hierc.compiler.expression import Expr, Gather, Rate, State
+from hierc.compiler.resolve.declarations import Variable
+from hierc.compiler.shapes.evaluate import Chosen, Values
+from hierc.compiler.shapes.values import Shape, Value
+from hierc.compiler.structure.array_errors import NotAnArray, OutOfArray, ShapesOfElements
+from hierc.compiler.structure.domains import Domain
+from hierc.compiler.structure.instances import Array, Instance
+from hierc.compiler.structure.storage import Storage
+from hierc.grammar import tree
+from hierc.grammar.source import Span
+
+Kind = Literal["state", "rate", "algebraic"]
+
+
+class Owner(Protocol):
+    """What a scope asks for."""
+
+    storage: Storage
+
+    def instance(self, index: int) -> Instance:
+        """The instance with this id."""
+        ...
+
+    def parameters_of(self, instance: Instance) -> Values:
+        """Parameters, constants and `let`s of them."""
+        ...
+
+    def named_of(self, instance: Instance, name: str) -> Value | None:
+        """A `let` or coupling; None if it was refused."""
+        ...
+
+    def placed(self, value: Value, span: Span) -> Value:
+        """A `let` or coupling used at `span`."""
+        ...
+
+    def brought(self, value: Value, view: View) -> Value:
+        """A value of an agent as the elements of an array inside it have it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Elements of an array that look at the agent around them. `places`: where each stands in the agent's own domain; `index`: of the array."""
+
+    domain: Domain
+    places: Integers
+    index: str
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceScope:
+    """The names of one agent: its parameters and constants, its variables and `let`s, the `write` variables of its sub-agents.
+
+    `view`: whose elements see it; None for the agent itself.
+    """
+
+    owner: Owner
+    instance: Instance
+    view: View | None = None
+
+    def lookup(self, ref: tree.Ref, chosen: Chosen | None) -> Value:
+        """The value of a reference, without its last subscripts. Raises Rejected for what has none."""
+        steps = ref.path.steps
+        at, name = self.instance, steps[0].name.text
+        if len(steps) > 1:
+            if name in at.arrays:
+                return self._elements(ref, at.arrays[name], chosen)
+            if chosen is not None:
+                raise Rejected(NotAnArray(chosen.step.span, name=name, arrays=tuple(at.arrays)))
+            if name not in at.children:
+                raise Rejected  # it was refused
+            at, name = self.owner.instance(at.children[name]), steps[1].name.text
+        value = self._of(ref, at, name)
+        return value if self.view is None else self.owner.brought(value, self.view)
+
+    def _of(self, ref: tree.Ref, at: Instance, name: str) -> Value:
+        """A name of a single agent."""
+        variable = at.agent.variables.get(name)
+        if ref.prime:
+            return self._rate(ref, at, name, variable)
+        if variable is not None and variable.decl.access != "read":
+            return self.owner.storage.value(at, name, ref.span)
+        named = self.owner.named_of(at, name)
+        if named is not None:
+            return self.owner.placed(named, ref.span)
+        value = (
+            self.owner.parameters_of(at).by_name.get(name)
+            if name not in at.agent.lets and variable is None
+            else None
+        )
+        if value is None:
+            raise Rejected
+        return value.at(ref.span)
+
+    def _rate(self, ref: tree.Ref, at: Instance, name: str, variable: Variable | None) -> Value:
+        self._check_rate(ref, at, name, variable)
+        value = self.owner.storage.value(at, name, ref.span)
+        return replace(
+            value, elements=tuple(Rate(ref.span, e.index) for e in value.elements if isinstance(e, State))
+        )
+
+    def _check_rate(self, ref: tree.Ref, at: Instance, name: str, variable: Variable | None) -> None:
+        if variable is not None and variable.decl.access == "read":
+            raise Rejected(DerivativeOfRead(ref.span, name=name, example=self._bound_to(name)))
+        if variable is None or variable.declarator.initial is None:
+            raise Rejected(NotAState(ref.span, name=ref.path.text, matrix=_is_matrix(at, name)))
+
+    def _bound_to(self, name: str) -> str | None:
+        """What the user's coupling gives for a read variable, if it is a single name."""
+        if self.instance.instance is None:
+            return None
+        bound = (bind.value for bind in self.instance.instance.bindings if bind.name.text == name)
+        value = next(bound, None)
+        return value.path.text if isinstance(value, tree.Ref) and not value.prime else None
+
+    # ---- arrays -------------------------------------------------------------------------------------------------------------------
+
+    def _elements(self, ref: tree.Ref, array: Array, chosen: Chosen | None) -> Value:
+        """A variable of elements of an array: of one, of a slice, or of all."""
+        name = ref.path.steps[1].name.text
+        first = self.owner.instance(array.blocks[0])
+        variable = first.agent.variables.get(name)
+        if ref.prime:
+            self._check_rate(ref, first, name, variable)
+        if variable is None or variable.decl.access == "read":
+            raise Rejected  # not visible: reported
+        kind: Kind = "rate" if ref.prime else "algebraic" if variable.declarator.initial is None else "state"
+        shape = self._shape(array, name, ref)
+        indices: tuple[Index, ...] = chosen.indices if chosen is not None else tuple(_all(array))
+        several = chosen is None or chosen.several
+        places = [self._slots(array, index, chosen) for index in indices]
+        tables = self._tables(array, name)
+        leaves = tuple(
+            self._own(array, name, k, place, kind, ref.span) or Gather(ref.span, kind, column(table[place]))
+            for place in places
+            for k, table in enumerate(tables)
+        )
+        return Value("real", (len(indices), *shape) if several else shape, leaves)
+
+    def _shape(self, array: Array, name: str, ref: tree.Ref) -> Shape:
+        shapes = [self.owner.storage.shapes[block].get(name) for block in array.blocks]
+        if None in shapes:
+            raise Rejected  # reported
+        if any(shape != shapes[0] for shape in shapes):
+            raise Rejected(ShapesOfElements(ref.span, name=ref.path.text))
+        return shapes[0] or ()
+
+    def _tables(self, array: Array, name: str) -> list[Integers]:
+        """For each scalar of a variable, its number in every element of the array, in all elements of the agent around it."""
+        numbers = [self.owner.storage.numbers(self.owner.instance(block), name) for block in array.blocks]
+        total = sum(len(slots) for slots in array.slots)
+        tables = []
+        for k in range(len(numbers[0])):
+            table = np.zeros(total, np.int64)
+            for slots, own in zip(array.slots, numbers, strict=True):
+                table[slots] = own[k]
+            tables.append(table)
+        return tables
+
+    def _slots(self, array: Array, index: Index, chosen: Chosen | None) -> Integers:
+        """The place of the element with this index, for each element that looks."""
+        domain = self.view.domain if self.view is not None else self.instance.domain
+        places = self.view.places if self.view is not None else np.arange(domain.count)
+        wanted = expanded(index, domain.count)
+        outside = (wanted < array.first) | (wanted >= array.first + array.size)
+        if outside.any() and chosen is not None:
+            raise Rejected(self._out_of(array, int(np.argmax(outside)), wanted, index, chosen.step))
+        return places * array.size + wanted - array.first
+
+    def _out_of(self, array: Array, at: int, wanted: Integers, index: Index, step: tree.Step) -> OutOfArray:
+        name = self.view.index if self.view is not None and isinstance(index, Column) else None
+        own = self.view.domain.indices[-1] if self.view is not None else None
+        where = (f"{name} = {own[at]}",) if name is not None and own is not None else ()
+        last = array.first + array.size - 1
+        return OutOfArray(
+            step.span,
+            text=step.span.text,
+            index=int(wanted[at]),
+            first=array.first,
+            last=last,
+            where=where,
+            index_name=name,
+        )
+
+    def _own(self, array: Array, name: str, k: int, places: Integers, kind: Kind, span: Span) -> Expr | None:
+        """The elements' own variable, if that is what each of them names: then it is no other element's."""
+        if self.view is None:
+            return None
+        for block, slots in zip(array.blocks, array.slots, strict=True):
+            instance = self.owner.instance(block)
+            if instance.domain is self.view.domain and np.array_equal(slots, places):
+                leaf = self.owner.storage.value(instance, name, span).elements[k]
+                return Rate(span, leaf.index) if kind == "rate" and isinstance(leaf, State) else leaf
+        return None
+
+
+def _all(array: Array) -> range:
+    return range(array.first, array.first + array.size)
+
+
+def _is_matrix(owner: Instance, name: str) -> bool:
+    """Whether a variable, parameter or constant is declared as a matrix."""
+    agent = owner.agent
+    declared = (
+        agent.variables[name].decl
+        if name in agent.variables
+        else agent.params.get(name) or agent.consts.get(name)
+    )
+    return declared is not None and len(declared.type.sizes) == 2
