@@ -91,7 +91,8 @@ class Composer:
         parts = []
         for call in calls:
             function, output = self._function(call)
-            pieces = split(self.definitions(function), output, self._fixed(call))
+            # Outs are told in both parts: in either, what comes after them may read them.
+            pieces = split(self.definitions(function), output, self._fixed(call), telling=call.part >= 0)
             if call.part >= 0:
                 moving = depends(self.definitions(function), output, self._fixed(call))
                 self.moving_outs |= {call.y + k for k in moving}
@@ -102,7 +103,7 @@ class Composer:
             "fixed", {"t": Float(self.lanes), "u": self.wide, "p": self.narrow, "v": self.wide}
         )
         for call, pieces, first in parts:
-            fixed.call(call, pieces.before, None, first)
+            fixed.call(call, pieces.before, "y" if call.part >= 0 else None, first)
         rest = self._begin(
             "rhs",
             {

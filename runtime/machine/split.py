@@ -28,8 +28,9 @@ class Split:
     saved: int
 
 
-def split(function: ast.FunctionDef, output: str, fixed: Fixed) -> Split:
-    """Split `function(…, output)`. The new functions take a last argument `v`; `before` has no `output`."""
+def split(function: ast.FunctionDef, output: str, fixed: Fixed, *, telling: bool = False) -> Split:
+    """Split `function(…, output)`. The new functions take a last argument `v`; `before` has no `output`, unless it is `telling` what of it is
+    fixed."""
     moving = _moving_names(function, fixed)
     before: list[ast.stmt] = []
     after: list[ast.stmt] = []
@@ -40,6 +41,8 @@ def split(function: ast.FunctionDef, output: str, fixed: Fixed) -> Split:
         elif isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Subscript):
             before.append(_assign(_item("v", saved, context=ast.Store()), statement.value))
             after.append(_assign(statement.targets[0], _item("v", saved)))
+            if telling:
+                before.append(after[-1])
             saved += 1
         else:
             before.append(statement)
@@ -53,7 +56,9 @@ def split(function: ast.FunctionDef, output: str, fixed: Fixed) -> Split:
         saved += size or 1
     arguments = [a.arg for a in function.args.args]
     return Split(
-        _function(f"{function.name}_before", [*(a for a in arguments if a != output), "v"], before),
+        _function(
+            f"{function.name}_before", [*(a for a in arguments if telling or a != output), "v"], before
+        ),
         _function(f"{function.name}_after", [*arguments, "v"], prologue + after),
         saved,
     )

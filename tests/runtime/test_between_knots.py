@@ -52,6 +52,20 @@ def test_what_other_groups_read(text: str, method: str) -> None:
             assert np.abs(result(name, t) - reference).max() <= 10 * tolerance
 
 
+@pytest.mark.parametrize("method", ["radau5", "radau13", "dop853", "tsit5"])
+def test_a_right_hand_side_of_what_others_give_alone(method: str) -> None:
+    """Nothing of it depends on its own states, and part of it comes by way of an agent without states."""
+    model = hierc.load("""
+        agent Clock() { write real y; alge { y = cos(3 [1/s]*time); } }
+        agent Decay() { write real y = 1; diff { y' = -y*1 [1/s]; } }
+        agent Sum() { read real a, b; write real i = 0; diff { i' = (a - b)*1 [1/s]; } }
+        agent Top() { agent c = Clock(); agent d = Decay(); agent s = Sum() [a := c.y, b := d.y]; }
+    """)
+    t = np.linspace(0.0, 3.0, 301)
+    result = model.simulate(stop=3.0, rtol=1e-8, atol=1e-8, method=method)
+    assert np.abs(result("s.i", t) - (np.sin(3 * t) / 3 - 1 + np.exp(-t))).max() <= 1e-7
+
+
 @pytest.mark.parametrize("method", ["radau5", "radau9", "radau13", "auto"])
 def test_a_stiff_state_that_tracks(method: str) -> None:
     """At the knots the error vanishes with the stiffness; between them it is that of the polynomial."""

@@ -54,6 +54,21 @@ def test_the_parts_make_the_whole(seed: int, fixed) -> None:
 
 
 @pytest.mark.parametrize("seed", range(15))
+def test_the_first_part_may_tell_what_is_fixed(seed: int) -> None:
+    whole = definition(random_function(seed))
+    pieces = split(whole, "dx", all_but_one_state, telling=True)
+    arguments = {
+        "t": 0.7, "x": [0.4, math.nan], "u": [0.3], "p": [0.1, -0.4], "v": [math.nan] * pieces.saved,
+    }  # fmt: skip
+    wanted, found = [math.nan] * 6, [math.nan] * 6
+    run(whole, {**arguments, "x": [0.4, -0.2], "dx": wanted})
+    run(pieces.before, {**arguments, "dx": found})
+    moving = depends(whole, "dx", all_but_one_state)
+    assert [k for k in range(6) if math.isnan(found[k])] == sorted(moving)
+    assert all(found[k] == wanted[k] for k in range(6) if k not in moving)
+
+
+@pytest.mark.parametrize("seed", range(15))
 def test_the_first_part_reads_nothing_that_moves(seed: int) -> None:
     pieces = split(definition(random_function(seed)), "dx", states_only)
     assert "x" not in {
