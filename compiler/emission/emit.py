@@ -58,7 +58,8 @@ def emit(plan: Plan) -> str:
             if any(v.op in SYSTEMS for v in plan.symbolic.values)
             else []
         ),
-        Import("hierc.runtime.contract", _constructors(plan)),
+        Import("hierc.runtime.contract", CONSTRUCTORS),
+        *([Import("hierc.runtime.contract", OF_ARRAYS)] if _has_columns(plan) else []),
         *callees.imports(plan.symbolic.called),
         Import("hierc.runtime.model", ("Model",)),
         *callees.definitions(plan.symbolic.called),
@@ -69,17 +70,17 @@ def emit(plan: Plan) -> str:
             statements += [Blank(2), function]
     statements += [Blank(2), Comment("---- tables ".ljust(90, "-")), Blank(2), _defaults(plan)]
     blocks = plan.symbolic.block_defaults
-    functions = [function_name(name, "defaults") for name in class_names(block.path for block in blocks)]
+    agents = class_names(["parameter", *(block.path.replace("[]", "") for block in blocks)])
+    functions = [function_name(agent, "defaults") for agent in agents[1:]]  # the first is DEFAULTS
     for name, block in zip(functions, blocks, strict=True):
         statements += [Blank(2), _block_defaults(plan.symbolic.values, name, block)]
     return show([*statements, *tables(plan, names, functions, CONTRACT, release), *face(plan)])
 
 
-def _constructors(plan: Plan) -> tuple[str, ...]:
-    """What the tables are made of; models without arrays have no columns."""
+def _has_columns(plan: Plan) -> bool:
+    """Whether tables may have columns: those of models without arrays have none, but for orders."""
     arrays = any(block.indices or block.count > 1 for block in plan.nodes)
-    columns = arrays or plan.start_order is not None or plan.order is not None
-    return tuple(sorted({*CONSTRUCTORS, *OF_ARRAYS})) if columns else CONSTRUCTORS
+    return arrays or plan.start_order is not None or plan.order is not None
 
 
 def _header(plan: Plan, release: str) -> str:

@@ -9,9 +9,11 @@ from pathlib import Path
 import hand
 import pytest
 from hand import TIME, Agent, apply, build, cart4, choose, ring, toy
+from hand_arrays import platoon, robots, swarm, train
 from oracle import StubModel, System, generate, load
 
 from hierc.compiler.emission import emit
+from hierc.compiler.emission.packing import CONSTRUCTORS as OF_ARRAYS
 from hierc.compiler.emission.plan import plan
 from hierc.compiler.symbolic.derive import derive
 from hierc.runtime import contract
@@ -78,7 +80,16 @@ def sqrt_of(x):
     return apply("sqrt", x)
 
 
-MODELS = {"cart": cart4, "ring": ring, "toy": toy, "everything": everything}
+MODELS = {
+    "cart": cart4,
+    "ring": ring,
+    "toy": toy,
+    "everything": everything,
+    "platoon": lambda: platoon(8),
+    "robots": lambda: robots(20),
+    "swarm": lambda: swarm(40),
+    "train": lambda: train(8),
+}
 
 
 @pytest.fixture(params=MODELS, scope="module")
@@ -148,6 +159,7 @@ SIGNATURES = {
     "start": "t u p x",
     "values": "q p",
     "nominal": "p w",
+    "defaults": "a v",  # of blocks
 }
 
 
@@ -210,7 +222,7 @@ def test_the_module_around_the_functions_is_tables(text):
             case ast.Assign(targets=[ast.Name()], value=value):
                 assert all(isinstance(n, allowed) for n in ast.walk(value))
                 called = {n.func.id for n in ast.walk(value) if isinstance(n, ast.Call)}
-                assert called <= {*emit.CONSTRUCTORS, "Model"}
+                assert called <= {*emit.CONSTRUCTORS, *OF_ARRAYS, "Model"}
             case _:
                 raise AssertionError(ast.dump(node))
         if isinstance(node, ast.FunctionDef) and node.name in FACE:
@@ -232,11 +244,11 @@ def test_tables_agree_with_each_other(text):
         w = [0.0] * len(c.states)
         c.nominal([1.0] * c.values, w)
         assert all(v > 0 for v in w)
-    for node in p.nodes:
+    for node in system.nodes:
         c = p.classes[node.kind]
         assert (len(node.sources), len(node.parameters)) == (c.inputs, c.parameters)
         for source, kind, index in node.sources:
-            other = p.classes[p.nodes[source].kind]
+            other = system.form(source)
             assert index < (len(other.states) if kind == "state" else other.outs)
 
 
