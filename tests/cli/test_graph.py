@@ -12,8 +12,16 @@ import pytest
 from hierc.cli import main
 from hierc.compiler.diagram import Diagram, diagram
 from hierc.compiler.driver import model_of
+from hierc.compiler.model import Model
 from hierc.graph import ASCII, UNICODE, marks_for, to_dot, to_json, to_text
 from hierc.loader import packaged_models, read
+
+
+def model_named(name: str) -> Model:
+    """The model of a text, or of a packaged file."""
+    text = read(name)
+    return model_of(text.source, reader=text.finder)
+
 
 #: A gain inside a feedback loop (`s`), one before it (`g`), groups by name, an observer, and a start that reads a later level.
 MODEL = """
@@ -36,7 +44,7 @@ agent Loop() {
 
 @pytest.fixture(scope="module")
 def loop() -> Diagram:
-    return diagram(model_of(read(MODEL).source))
+    return diagram(model_named(MODEL))
 
 
 def test_members_stand_in_blocks_slow_ones_first(loop: Diagram) -> None:
@@ -63,7 +71,7 @@ def test_reads_are_those_of_continuous_equations(loop: Diagram) -> None:
 
 @pytest.mark.parametrize("name", [*packaged_models(), "loop"])
 def test_every_diagram_is_block_triangular(name: str) -> None:
-    made = diagram(model_of(read(MODEL if name == "loop" else name).source))
+    made = diagram(model_named(MODEL if name == "loop" else name))
     assert all(a.block <= b.block for a, b in pairwise(made.members))
     for member in made.members:
         assert all(made.members[reading.owner].block <= member.block for reading in member.reads)
@@ -75,7 +83,7 @@ def test_vectors_have_one_name_where_they_are_read_whole() -> None:
     agent Q() { read real[3] w; read real one; write real x = 0; diff { x' = w[1] + w[2] + w[3] + one; } }
     agent Top() { agent a = P(); agent b = Q() [w := a.p', one := a.p[2]]; }
     """
-    (a, b) = diagram(model_of(read(parts).source)).members
+    (a, b) = diagram(model_named(parts)).members
     assert (a.path, b.path) == ("a", "b")
     assert [reading.names for reading in b.reads] == [("a.p'", "a.p[2]")]
 
@@ -110,7 +118,7 @@ agent Cell() {
 
 @pytest.fixture(scope="module")
 def cell() -> Diagram:
-    return diagram(model_of(read(NESTED).source))
+    return diagram(model_named(NESTED))
 
 
 def test_levels_that_hold_several_groups_are_headings(cell: Diagram) -> None:
@@ -201,7 +209,7 @@ def test_a_picture_has_a_mark_for_each_pair(loop: Diagram) -> None:
 def test_a_small_picture_names_what_is_read() -> None:
     from hierc.picture import draw
 
-    (axes,) = draw(diagram(model_of(read("servo").source)), None).axes
+    (axes,) = draw(diagram(model_named("servo")), None).axes
     assert {text.get_text() for text in axes.texts} == {"1 state", "2 states", "r, r'", "tau"}
 
 
