@@ -6,6 +6,8 @@ that asked for its value catches it, keeps the problem, and goes on with the nex
 
 from __future__ import annotations
 
+from collections.abc import Container
+
 from hierc.grammar.problems import ModelError, Problem, in_source_order
 from hierc.grammar.source import Span
 
@@ -33,9 +35,9 @@ class Collector:
         if rejection.problem is not None:
             self.add(rejection.problem)
 
-    def stop_on_errors(self) -> None:
-        """Raise ModelError with everything found, in source order, if any of it is an error."""
-        if any(p.severity == "error" for p in self._problems.values()):
+    def stop_on_errors(self, *, but: Container[str] = ()) -> None:
+        """Raise ModelError with everything found, in source order, if any of it is an error of a code not in `but`."""
+        if any(p.severity == "error" and p.code not in but for p in self._problems.values()):
             raise ModelError(self.in_source_order())
 
     def in_source_order(self) -> tuple[Problem, ...]:

@@ -37,6 +37,7 @@ from hierc.compiler.imports.views import views, warn_of_unused
 from hierc.compiler.model import Group, Model, Node, Source
 from hierc.compiler.resolve.constants import file_constants
 from hierc.compiler.resolve.declarations import Library
+from hierc.compiler.resolve.errors import DeclaredTwice
 from hierc.compiler.resolve.names import Names, check_names, names_of
 from hierc.compiler.resolve.outside import Given, check_given
 from hierc.compiler.shapes.evaluate import Budget
@@ -112,7 +113,7 @@ def _definitions(
     modules = read_modules(file, reader, problems)
     problems.stop_on_errors()
     files = views(modules, reader.elsewhere, problems)
-    problems.stop_on_errors()
+    problems.stop_on_errors(but=(DeclaredTwice.code,))  # of two declarations the first counts, so there is more to say
     for view in files:
         check_names(view.own, view.scope, problems)
         check_declared_units(view.own, problems)

@@ -92,7 +92,10 @@ class _AgentEquations:
         elif not state and "diff" in kinds:
             unit = variable.declarator.unit.text if variable.declarator.unit else None
             where = equations[0].equation.target.span
-            self._problems.add(NoInitialValue(where, name=name, declared=variable.span, unit=unit))
+            sizes = tuple(size.span.text for size in variable.decl.type.sizes)
+            self._problems.add(
+                NoInitialValue(where, name=name, declared=variable.span, unit=unit, sizes=sizes)
+            )
         elif not state and not equations:
             self._problems.add(NeverDefined(variable.span, name=name))
         for equation in equations:

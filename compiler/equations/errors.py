@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
-from hierc.grammar.problems import Label, Problem
+from hierc.grammar.problems import Edit, Label, Problem
 from hierc.grammar.source import Span
 
 
@@ -53,6 +54,7 @@ class NoInitialValue(Problem):
     name: str
     declared: Span
     unit: str | None
+    sizes: tuple[str, ...] = ()  # of a vector or matrix
 
     def title(self) -> str:
         return f"`{self.name}` has a derivative but no initial value"
@@ -61,8 +63,19 @@ class NoInitialValue(Problem):
         return (Label(self.declared, "declared here"),)
 
     def help(self) -> tuple[str, ...]:
-        zero = f"= 0 [{self.unit}]" if self.unit else "= 0"
-        return (f"add `{zero}` to the declaration of `{self.name}`",)
+        return (f"add `{self._zero}` to the declaration of `{self.name}`",)
+
+    def edits(self) -> tuple[Edit, ...]:
+        file, end = self.declared.file, self.declared.stop
+        unit = re.compile(r"\s*\[[^\[\]]*\]").match(file.text, end)
+        place = Span(file, unit.end(), unit.end()) if unit else Span(file, end, end)
+        return (Edit(place, f" {self._zero}"),)
+
+    @property
+    def _zero(self) -> str:
+        if self.sizes:
+            return f"= zeros({', '.join(self.sizes)})"
+        return f"= 0 [{self.unit}]" if self.unit else "= 0"
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,11 @@ chosen to run. For the linked library there are `Names`: the orders in which con
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Literal
 
 from hierc.compiler.collector import Collector
+from hierc.compiler.model import Settings
 from hierc.compiler.resolve.declarations import Agent, Library
 from hierc.compiler.resolve.errors import (
     GivenTwice,
@@ -31,7 +33,11 @@ from hierc.compiler.resolve.scopes import AgentScope, FileScope, FunctionScope
 from hierc.compiler.units.errors import NewtonTrap
 from hierc.compiler.walk import subscripts
 from hierc.grammar import tree
+from hierc.grammar.problems import closest
 from hierc.grammar.source import Span
+
+#: Settings whose value is an expression.
+_NUMBERS = frozenset(field.name for field in fields(Settings)) - {"method"}
 
 #: Places that may use `let`s of parameters.
 WITH_LETS = ("an argument", "a range", "a size or nominal value")
@@ -216,7 +222,8 @@ class _AgentChecker:
             self._problems.add(unknown_agent(instance.agent, self._library))
             return
         check_arguments(inner, instance.args, instance.agent.span, self._problems)
-        check_bindings(inner, instance.bindings, instance.name, self._problems)
+        arguments_given = {arg.name.text for arg in instance.args}
+        check_bindings(inner, instance.bindings, instance.name, self._problems, elsewhere=arguments_given)
 
 
 def check_arguments(
@@ -224,13 +231,19 @@ def check_arguments(
 ) -> None:
     """Arguments name parameters, each once, and every parameter without a default has one. `alone`: nothing can give any."""
     given = _once(tuple(arg.name for arg in args), problems)
-    for name in given.values():
-        if name.text not in agent.params:
-            problems.add(
-                UnknownParameter(name.span, agent=agent.name, name=name.text, candidates=tuple(agent.params))
+    wrong = [name for name in given.values() if name.text not in agent.params]
+    for name in wrong:
+        read = name.text in agent.reads()
+        advice = f"`{name.text}` is a `read` variable: couple it, `[{name.text} := …]`" if read else None
+        candidates = tuple(agent.params)
+        problems.add(
+            UnknownParameter(
+                name.span, agent=agent.name, name=name.text, candidates=candidates, advice=advice
             )
+        )
+    meant = {closest(name.text, agent.params) for name in wrong}
     for text, param in agent.params.items():
-        if param.default is None and text not in given:
+        if param.default is None and text not in given and text not in meant:
             experiment = f"experiment run of {agent.name}({text} = …) {{ }}"
             advice = f"give it a default, or a value in an experiment: `{experiment}`" if alone else None
             problems.add(
@@ -241,15 +254,32 @@ def check_arguments(
 
 
 def check_bindings(
-    agent: Agent, bindings: tuple[tree.Bind, ...], name: tree.Name, problems: Collector, *, top: bool = False
+    agent: Agent,
+    bindings: tuple[tree.Bind, ...],
+    name: tree.Name,
+    problems: Collector,
+    *,
+    top: bool = False,
+    elsewhere: Set[str] = frozenset(),
 ) -> None:
-    """Couplings bind every `read` variable exactly once and nothing else. `name` is what lacks them."""
+    """Couplings bind every `read` variable exactly once and nothing else. `name` is what lacks them.
+
+    `elsewhere` are names given as arguments, by mistake or not. What a misspelt name stands for is not said to be missing.
+    """
     given = _once(tuple(bind.name for bind in bindings), problems)
-    for bound in given.values():
-        if bound.text not in agent.reads():
-            problems.add(NoSuchRead(bound.span, agent=agent.name, name=bound.text, reads=agent.reads()))
+    wrong = [bound for bound in given.values() if bound.text not in agent.reads()]
+    for bound in wrong:
+        kind: Literal["parameter", "write", "other"] = "other"
+        if bound.text in agent.params:
+            kind = "parameter"
+        elif bound.text in agent.variables:
+            kind = "write"
+        problems.add(
+            NoSuchRead(bound.span, agent=agent.name, name=bound.text, reads=agent.reads(), kind=kind)
+        )
+    meant = {closest(bound.text, agent.reads()) for bound in wrong} | elsewhere
     for read in agent.reads():
-        if read not in given:
+        if read not in given and read not in meant:
             declared = agent.variables[read].span
             problems.add(
                 MissingCoupling(name.span, agent=name.text, read=read, declared=declared, by_experiment=top)
@@ -275,7 +305,7 @@ def _check_experiment(library: Library, experiment: tree.Experiment, problems: C
             scope.check_all(initial.value for initial in item.values)
         elif isinstance(item, tree.Setting | tree.GroupSettings):
             settings = item.settings if isinstance(item, tree.GroupSettings) else (item,)
-            scope.check_all(s.value for s in settings if s.name.text != "method")
+            scope.check_all(s.value for s in settings if s.name.text in _NUMBERS)
     timed = FileScope(library, problems, where, "a coupling")
     timed.timeless = False
     timed.check_all(bind.value for bind in experiment.bindings)

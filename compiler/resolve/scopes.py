@@ -24,6 +24,7 @@ from hierc.compiler.shapes.functions import BUILT_IN_FUNCTIONS, LATER_FUNCTIONS
 from hierc.compiler.units.units import literal_in_si
 from hierc.compiler.walk import Visit, visit
 from hierc.grammar import tree
+from hierc.grammar.problems import closest
 from hierc.grammar.source import Span
 
 #: Deepest nesting of an expression; later phases recurse, and rely on it.
@@ -121,7 +122,11 @@ class FileScope:
     def unknown(self, path: tree.Path, name: str) -> None:
         qualified = any(path.text.startswith(f"{module}.") for module in self.library.modules)
         wrong = path.text if qualified or name in self.candidates() else name
+        self.misspelt(wrong)
         self.problems.add(UnknownName(path.span, name=wrong, where=self.where, candidates=self.candidates()))
+
+    def misspelt(self, name: str) -> None:
+        """Take note of an unknown name."""
 
     def check_shadowing(self, name: tree.Name, *, file_level: bool = False) -> None:
         if name.text in BUILT_IN_VALUES:
@@ -170,6 +175,11 @@ class AgentScope(FileScope):
             else (*agent.consts, *agent.lets)
         )
         return (*sorted(self._params), *own, *super().candidates())
+
+    def misspelt(self, name: str) -> None:
+        """What is meant is used, so that no warning says otherwise."""
+        if meant := closest(name, self.candidates()):
+            self.used.add(meant)
 
     def resolve(self, ref: tree.Ref, name: str) -> None:
         agent = self._agent

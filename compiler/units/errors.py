@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hierc.grammar.problems import Label, Problem
+from hierc.grammar.problems import Edit, Label, Problem, in_place_of
 from hierc.grammar.source import Span
 
 #: Longest text that a title quotes.
@@ -184,6 +184,9 @@ class PlainBesideUnit(Problem):
     def help(self) -> tuple[str, ...]:
         return (with_unit(self.text, self.unit, literal=self.literal),)
 
+    def edits(self) -> tuple[Edit, ...]:
+        return in_place_of(self.span, f"{self.text} [{self.unit}]") if self.literal else ()
+
 
 @dataclass(frozen=True)
 class UnknownUnit(Problem):
@@ -203,6 +206,10 @@ class UnknownUnit(Problem):
         if self.offset:
             return ("there are no units with an offset: convert to K, as in `293.15 [K]` for 20 degC",)
         return (f"did you mean `{self.meant}`?",) if self.meant else ()
+
+    def edits(self) -> tuple[Edit, ...]:
+        in_brackets = self.span is not None and self.span.text.startswith("[")
+        return in_place_of(self.span, f"[{self.meant}]") if self.meant and in_brackets else ()
 
 
 @dataclass(frozen=True)

@@ -107,9 +107,11 @@ _PREFIXES: Mapping[str, Fraction] = {
 
 #: What units are often called instead.
 _SPELLINGS: Mapping[str, str] = {
-    "sec": "s", "seconds": "s", "hr": "h", "hour": "h", "hours": "h", "kph": "km/h", "mps": "m/s", "kmh": "km/h", "kmph": "km/h", "rps": "1/s",
-    "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad", "metre": "m", "meter": "m", "meters": "m",
-    "l": "dm^3", "L": "dm^3",
+    "sec": "s", "hr": "h", "hour": "h", "kph": "km/h", "mps": "m/s", "kmh": "km/h", "kmph": "km/h", "rps": "1/s",
+    "degree": "deg", "radian": "rad", "metre": "m", "meter": "m", "second": "s", "minute": "min", "gram": "g", "kilogram": "kg",
+    "newton": "N", "volt": "V", "ampere": "A", "amp": "A", "watt": "W", "joule": "J", "pascal": "Pa", "hertz": "Hz", "ohm": "ohm",
+    "farad": "F", "henry": "H", "tesla": "T", "weber": "Wb", "kelvin": "K", "mole": "mol", "candela": "cd", "l": "dm^3", "L": "dm^3",
+    "millimeter": "mm", "centimeter": "cm", "kilometer": "km", "millisecond": "ms", "percent": "%",
 }  # fmt: skip
 
 #: Scales whose zero is not that of the quantity.
@@ -170,8 +172,16 @@ class _Parser:
     def _unknown(self, name: str | None = None) -> Rejected:
         wrong = self._text if name is None else name
         respelt = _respelt(self._text)
-        meant = respelt if respelt is not None and self._is_unit(respelt) else _meant(wrong)
+        meant = respelt if respelt is not None and self._is_unit(respelt) else self._meant(wrong)
         return Rejected(UnknownUnit(self._span, unit=wrong, meant=meant, offset=wrong in _OFFSETS))
+
+    def _meant(self, wrong: str) -> str | None:
+        """All of the text with what the wrong name may stand for, if that makes a unit."""
+        meant = _meant(wrong)
+        if meant is None or wrong == self._text:
+            return meant
+        whole = re.sub(rf"(?<![A-Za-z]){re.escape(wrong)}(?![A-Za-z])", meant, self._text)
+        return whole if self._is_unit(whole) else meant
 
     def _is_unit(self, text: str) -> bool:
         try:
@@ -237,8 +247,11 @@ def _meant(name: str) -> str | None:
     """What an unknown unit may stand for: a product without its `*`, or a name like it."""
     if name in _OFFSETS:
         return None
-    if name in _SPELLINGS:
-        return _SPELLINGS[name]
+    for word in (name, name.casefold(), name.casefold().removesuffix("s")):
+        if word in _SPELLINGS:
+            return _SPELLINGS[word]
+    if name[0] == "K" and named_unit(f"k{name[1:]}"):
+        return f"k{name[1:]}"
     for cut in range(len(name) - 1, 0, -1):
         if named_unit(name[:cut]) and named_unit(name[cut:]):
             return f"{name[:cut]}*{name[cut:]}"
