@@ -17,7 +17,7 @@ from hierc.compiler.shapes.functions import BUILT_IN_FUNCTIONS
 from hierc.explain import message_of, problems_of
 from hierc.grammar.source import SourceFile
 from hierc.graph import to_text
-from hierc.loader import run_module
+from hierc.loader import placed, run_module
 from hierc.runtime.methods.catalogue import METHODS
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "language.md"
@@ -59,7 +59,8 @@ def where(block: Block) -> str:
 @pytest.mark.parametrize("block", MODELS, ids=where)
 def test_models_compile_without_warnings_and_evaluate(block: Block) -> None:
     assert [problem.title() for problem in problems_of(block.source)] == []
-    model = run_module(compile_source(block.source).text, "model.hier").MODEL
+    reader = placed(block.source, DOCUMENT.with_name("model.hier")).finder
+    model = run_module(compile_source(block.source, reader=reader).text, "model.hier").MODEL
     rates = model.rhs(0.0, model.initial())
     assert rates.size
     assert np.isfinite(rates).all()
