@@ -6,13 +6,14 @@ Names stand for whole blocks, so that the text does not grow with them: `car[1..
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hierc.compiler.columns import Column, Integers, taken
+from hierc.compiler.columns import Column, Index, column, expanded, taken
 from hierc.compiler.elements import Elements, spelled
-from hierc.compiler.emission.calls import Block
+from hierc.compiler.emission.calls import Group
 from hierc.compiler.emission.plan import Plan
 from hierc.compiler.emission.runs import Members, Run
 from hierc.compiler.emission.target import (
@@ -61,9 +62,9 @@ LISTED = 40
 def face(plan: Plan) -> list[Statement]:
     """Names of parameters, states and groups, and what users call."""
     names = {
-        "PARAMETERS": [spelled(p.path, p.indices) for p in plan.parameters],
+        "PARAMETERS": _alike((p.path, p.indices) for p in plan.parameters),
         "STATES": _states(plan),
-        "GROUPS": [spelled(group.name, group.indices) for group in plan.groups],
+        "GROUPS": _alike((group.name, group.indices) for group in plan.groups),
     }
     simulate = "\n".join([_SIMULATE, *(_listing(title, listed) for title, listed in names.items())])
     count = sum(len(plan.symbolic.forms[block.kind].states) * block.count for block in plan.nodes)
@@ -93,29 +94,64 @@ def _method(name: str, arguments: Sequence[str], required: int, doc: str, rest: 
     return [Blank(2), Function(name, tuple(parameters), doc, (Return(call),))]
 
 
-# ---- names of states --------------------------------------------------------------------------
+# ---- names ----------------------------------------------------------------------------------
+
+
+def _alike(named: Iterable[tuple[str, tuple[Index, ...]]]) -> list[str]:
+    """Names of several blocks, each path once."""
+    found: dict[str, tuple[Index, ...]] = {}
+    for path, indices in named:
+        found[path] = _joined(found[path], indices) if path in found else indices
+    return [spelled(path, indices) for path, indices in found.items()]
+
+
+def _joined(first: Sequence[Index], second: Sequence[Index]) -> tuple[Index, ...]:
+    """The indices of elements of two blocks."""
+    sizes = [max((len(i) for i in some if isinstance(i, Column)), default=1) for some in (first, second)]
+    return tuple(
+        column(np.concatenate([expanded(a, sizes[0]), expanded(b, sizes[1])]))
+        for a, b in zip(first, second, strict=True)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Elements:
+    """Elements in a row, with the names of what each of them has."""
+
+    path: str
+    indices: tuple[Index, ...]
+    names: tuple[str, ...]
+
+    def followed(self, other: _Elements) -> _Elements | None:
+        """Both as one, if they are elements of one array in the order of its index."""
+        match self.indices, other.indices:
+            case (before,), (after,) if (self.path, self.names) == (other.path, other.names):
+                if np.max(expanded(before, 1)) < np.min(expanded(after, 1)):
+                    return replace(self, indices=_joined(self.indices, other.indices))
+        return None
+
+    def shown(self) -> list[str]:
+        """A name for each state of a single element; one name for all of several."""
+        path = spelled(self.path, self.indices)
+        if all(isinstance(i, int) for i in self.indices):
+            return [f"{path}.{name}" if path else name for name in self.names]
+        return [f"{path}.{self.names[0]}" if len(self.names) == 1 else f"{path}.{{{', '.join(self.names)}}}"]
 
 
 def _states(plan: Plan) -> list[str]:
     """The names of all states, in the order of state vectors: group by group, element by element."""
     elements = Elements(block.first for block in plan.nodes)
-    names: list[str] = []
+    found: list[_Elements] = []
     for group in plan.groups:
-        entries = [_entry(plan, elements, members) for members in group.nodes]
-        if group.count == 1:
-            names += [name for block, inner, states in entries for name in _in_group(block, inner, states, 0)]
-        else:
-            depth = len(group.indices)
-            inside = [
-                name for block, inner, states in entries for name in _in_group(block, inner, states, depth)
-            ]
-            around = "[]".join(entries[0][0].path.split("[]", depth)[:depth]) + "[]" * (depth > 0)
-            names.append(_joined(spelled(around, group.indices), inside))
-    return names
+        inside = [_entry(plan, elements, members) for members in group.nodes]
+        for some in inside if group.count == 1 else [_family(group, inside)]:
+            joined = found[-1].followed(some) if found else None
+            found[-1:] = [joined] if joined else [*found[-1:], some]
+    return [name for some in found for name in some.shown()]
 
 
-def _entry(plan: Plan, elements: Elements, members: Members) -> tuple[Block, Integers, tuple[str, ...]]:
-    """The block of an entry, where its elements in the first group stand there, and the names of their states."""
+def _entry(plan: Plan, elements: Elements, members: Members) -> _Elements:
+    """An entry of a group, or of the first group of a family."""
     match members:
         case Run(first=first, count=count, step=step):
             numbers = first + step * np.arange(count)
@@ -124,18 +160,16 @@ def _entry(plan: Plan, elements: Elements, members: Members) -> tuple[Block, Int
         case number:
             numbers = np.array([number])
     block = plan.nodes[elements.block(int(numbers[0]))]
-    return block, numbers - block.first, plan.symbolic.forms[block.kind].states
+    indices = tuple(taken(index, numbers - block.first) for index in block.indices)
+    return _Elements(block.path, indices, plan.symbolic.forms[block.kind].states)
 
 
-def _in_group(block: Block, places: Integers, states: Sequence[str], depth: int) -> list[str]:
-    """The states of elements in a row; the first `depth` indices are said already."""
-    rest = "".join(block.path.split("[]", depth)[depth:]).lstrip(".") if depth else block.path
-    path = spelled(rest, [taken(index, places) for index in block.indices[depth:]])
-    if len(places) > 1:
-        return [_joined(path, states)]
-    return [f"{path}.{state}" if path else state for state in states]
-
-
-def _joined(path: str, names: Sequence[str]) -> str:
-    """One name for several states of each element."""
-    return f"{path}.{names[0]}" if len(names) == 1 else f"{path}.{{{', '.join(names)}}}"
+def _family(group: Group, inside: Sequence[_Elements]) -> _Elements:
+    """All groups of a family; what is in one of them is named without the family's own indices."""
+    depth = len(group.indices)
+    around = inside[0].path.split("[]", depth)[:depth]
+    names = []
+    for some in inside:
+        rest = "".join(some.path.split("[]", depth)[depth:]).lstrip(".")
+        names += _Elements(rest, some.indices[depth:], some.names).shown()
+    return _Elements("".join(f"{part}[]" for part in around), group.indices, tuple(names))

@@ -189,10 +189,14 @@ def test_initial_values_run_against_the_order():
 
 def test_the_public_face_names_blocks():
     names = System(generate(models.platoon(9))).names
-    assert names["STATES"] == ("lead.v", "lead.x", "car[1].x", "car[1].v", "car[2..9].{x, v}")
-    assert names["GROUPS"] == ("lead", "car[1]", "car[2..9]")
-    assert names["PARAMETERS"] == ("lead.w", "car[1].tau", "car[1].k", "car[2..9].tau", "car[2..9].k")
+    assert names["STATES"] == ("lead.v", "lead.x", "car[1..9].{x, v}")
+    assert names["GROUPS"] == ("lead", "car[1..9]")
+    assert names["PARAMETERS"] == ("lead.w", "car[1..9].tau", "car[1..9].k")
     assert "shape (20,)" in names["rhs"].__doc__
+    assert "car[1].x, car[1].v, car[2].x" in names["rhs"].__doc__
+    assert System(generate(models.swarm(5))).names["GROUPS"] == ("swarm",)
+    names = System(generate(models.platoon(1 + 1, each=False))).names
+    assert names["STATES"] == ("lead.v", "lead.x", "car[1..2].{x, v}")
     names = System(generate(models.robots(5))).names
     assert names["STATES"] == (
         "robot[1..5].q",
