@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import prod
 from typing import Literal
 
@@ -95,6 +96,7 @@ def index_value(index: Index, span: Span | None = None) -> Expr:
     return Number(span, float(index)) if isinstance(index, int) else Gather(span, "index", index)
 
 
+@lru_cache(maxsize=4)  # an equation in a loop asks for all names of its variable once for each round
 def element_names(name: str, shape: Shape) -> tuple[str, ...]:
     """The names of a variable's scalars, row by row: `p[1]`, `M[1,2]`, or just `x`."""
     if not shape:
