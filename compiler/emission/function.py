@@ -296,7 +296,8 @@ class FunctionBody:
         zero = Constant(0.0)
         below = Binary("and", Binary("<", rest, zero), Binary(">", y, zero))
         above = Binary("and", Binary(">", rest, zero), Binary("<", y, zero))
-        return Conditional(Binary("or", below, above), Binary("+", rest, y), rest)
+        own = Call("math.copysign", (rest, y))  # a zero takes the sign of the divisor, too
+        return Conditional(Binary("or", below, above), Binary("+", rest, y), own)
 
     def _round(self, out: list[Statement], a: int) -> Target:
         """Half away from zero."""

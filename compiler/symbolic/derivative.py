@@ -1,7 +1,8 @@
 """Derivatives: exact Jacobians of values by states and inputs.
 
 In: values (the rows). Out: for each row, its nonzero derivatives by column. Guaranteed: a derivative evaluates nothing outside the branch its
-value stands in; `max`, `min` and `abs` have the derivative of the branch taken, steps (`sign`, `floor`, comparisons) derivative zero.
+value stands in; `max`, `min` and `abs` have the derivative of the branch taken, steps (`sign`, `floor`, comparisons) derivative zero, a root at
+zero, which has none, as well.
 
 The unknowns of a system A x = b are differentiated by the columns at once: dx is the solution for db - dA x, with the factors that A has already.
 
@@ -341,7 +342,13 @@ def _pow(g: Graph, value: int, a: int, b: int) -> Partials:
 
 
 def _sqrt(g: Graph, value: int, a: int) -> Partials:
-    return ((lambda: g.apply("div", g.number(0.5), value)),)
+    def by() -> (
+        int
+    ):  # at zero none exists, but the length of a vector has the slope zero between those on all sides
+        positive = g.apply("gt", value, g.number(0.0))
+        return g.choose(positive, g.apply("div", g.number(0.5), value), g.number(0.0))
+
+    return (by,)
 
 
 def _exp(g: Graph, value: int, a: int) -> Partials:
