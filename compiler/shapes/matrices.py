@@ -8,7 +8,7 @@ have their matrix, and its factors, in common.
 from __future__ import annotations
 
 from hierc.compiler.expression import Expr, Number
-from hierc.compiler.shapes.operations import Sharing, inner_product
+from hierc.compiler.shapes.operations import Sharing, inner_product, unknowns
 from hierc.compiler.shapes.values import Value, apply
 from hierc.grammar.source import Span
 
@@ -91,10 +91,4 @@ def solve(matrix: Value, right: Value, span: Span, sharing: Sharing) -> Value:
 def _factored(matrix: Value, right: Value, span: Span) -> Value:
     """The solution of `matrix * x = right`, its unknowns one by one."""
     columns = [right.elements] if len(right.shape) == 1 else [right.column(j) for j in range(right.shape[1])]
-    numbers = [Number(span, float(i)) for i in range(matrix.shape[0])]
-    unknowns = (
-        apply("solve", number, *matrix.elements, *column, span=span)
-        for number in numbers
-        for column in columns
-    )
-    return Value("real", right.shape, tuple(unknowns))
+    return Value("real", right.shape, unknowns(matrix.elements, columns, span))

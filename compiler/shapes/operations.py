@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import reduce
 
 from hierc.compiler.collector import Rejected
-from hierc.compiler.expression import Expr, Number, Operator
+from hierc.compiler.expression import Apply, Expr, Number, Operator
 from hierc.compiler.resolve.errors import ModelTooLarge
 from hierc.compiler.shapes.errors import NotACondition, OperandNotNumeric, OperandsDiffer
 from hierc.compiler.shapes.values import Scalar, Value, apply, is_leaf, joined, scalar_of
@@ -136,11 +136,33 @@ def _product(left: Value, right: Value, span: Span, sharing: Sharing) -> Value |
                 span, what=f"a product of {rows * len(right.elements)} multiplications", limit=MAX_PRODUCT
             )
         )
-    a = sharing.value(left, "left")
     b = sharing.value(right, "right")
     columns = [b.elements] if len(right.shape) == 1 else [b.column(j) for j in range(right.shape[1])]
+    if (matrix := inverted(left)) is not None:
+        return Value("real", (rows, *right.shape[1:]), unknowns(matrix, columns, span))
+    a = sharing.value(left, "left")
     elements = tuple(inner_product(a.row(i), column, span) for i in range(rows) for column in columns)
     return Value(scalar, (rows, *right.shape[1:]), elements)
+
+
+def unknowns(matrix: Sequence[Expr], columns: Sequence[Sequence[Expr]], span: Span) -> tuple[Expr, ...]:
+    """The solutions x of `matrix * x = column`, row by row, each an operation of its own."""
+    numbers = [Number(span, float(i)) for i in range(len(columns[0]))]
+    return tuple(
+        apply("solve", number, *matrix, *column, span=span) for number in numbers for column in columns
+    )
+
+
+def inverted(value: Value) -> tuple[Expr, ...] | None:
+    """The matrix that `value` is the inverse of, if it is made of `unknowns`: then a product with it is better solved for."""
+    match value.elements[0], value.shape:
+        case Apply(op="solve", args=(_, *system)), (n, m) if n == m:
+            matrix = tuple(system[: n * n])
+            columns = [[Number(None, float(i == j)) for i in range(n)] for j in range(n)]
+            wanted = ((Number(None, float(i)), *matrix, *column) for i in range(n) for column in columns)
+            found = (e.args if isinstance(e, Apply) and e.op == "solve" else () for e in value.elements)
+            return matrix if all(a == b for a, b in zip(found, wanted, strict=True)) else None
+    return None
 
 
 def inner_product(left: Sequence[Expr], right: Sequence[Expr], span: Span) -> Expr:

@@ -61,15 +61,13 @@ def rates(
 def differences(function: Callable[..., Floats], values: Mapping[str, Floats]) -> Floats:
     """Derivatives of a function of arrays by differences of fourth order, (size, operands)."""
     packed = np.concatenate([np.ravel(v) for v in values.values()])
-    shapes = {name: np.shape(v) for name, v in values.items()}
 
     def at(x: Floats) -> Floats:
-        given, first = {}, 0
-        for name, shape in shapes.items():
-            count = int(np.prod(shape))
-            given[name] = x[first : first + count].reshape(shape)
-            first += count
-        return np.ravel(function(**given)).astype(np.float64)
+        given, first = [], 0
+        for value in values.values():
+            given.append(x[first : first + np.size(value)].reshape(np.shape(value)))
+            first += np.size(value)
+        return np.ravel(function(*given)).astype(np.float64)
 
     h = 1e-3
     columns = []
