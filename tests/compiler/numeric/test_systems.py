@@ -193,7 +193,7 @@ def test_a_matrix_of_parameters_is_factored_once_a_run() -> None:
     generated = module(text)
     assert "linalg.factor(" in body(generated, "values")
     assert "linalg.factor(" not in body(generated, "rhs") + body(generated, "jac")
-    for k, c in ((2.0, [3.0, 0.0, 1.0, 0.5]), (-1.5, [1.0, 2.0, 0.5, 1.0])):
+    for k, c in ((2.0, [3.0, 0.0, 1.0, 0.5]), (-1.5, [1.0, -1.0, 0.5, 1.0])):
         a = np.array([[0, c[0], 0, k], [2, 0, c[1], 0], [0, 3, 0, c[2]], [c[3], 0, 1, 0]])
         made = system(text, k=k, c=c)
         x = np.array([0.3, -0.2, 1.4, 0.8])
