@@ -90,20 +90,23 @@ class System:
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:
-        """Names of all scalar states, as results and files have them."""
+        """Names of all scalar states, as results and files have them; not those of variables elsewhere that only repeat a state."""
         names = [""] * self.size
-        for v in self.plan.variables:
+        for v in sorted(self.plan.variables, key=lambda v: -v.path.count(".")):
+            owner, dot, own = v.path.rpartition(".")
             for (node, what, index), place in zip(v.elements, np.ndindex(v.shape), strict=True):
-                if what == "state" and not names[self.offsets[node] + index]:
-                    subscript = f"[{','.join(str(i + 1) for i in place)}]" if place else ""
-                    names[self.offsets[node] + index] = v.path + subscript
+                subscript = f"[{','.join(str(i + 1) for i in place)}]" if place else ""
+                at_home = v.access != "read" and f"{self.plan.nodes[node].path}.".startswith(owner + dot)
+                if what == "state" and at_home and own + subscript == self.kind(node).states[index]:
+                    names[self.offsets[node] + index] = names[self.offsets[node] + index] or v.path + subscript
         return tuple(names)
 
-    def state_at(self, k: int) -> tuple[str, int]:
-        """Name of scalar state k of the state vector, and the line of its equation."""
+    def state_at(self, k: int) -> tuple[str, str]:
+        """Name of scalar state k of the state vector, and where its equation stands: `line 12`, `wheels.hier, line 12`; "" if that is not known."""
         node = next(n for n in reversed(self.order) if self.offsets[n] <= k and self.kind(n).states)
         kind, index = self.kind(node), k - self.offsets[node]
-        return self.state_names[k] or kind.states[index], kind.lines[index]
+        line = f"line {kind.lines[index]}" if kind.lines[index] else ""
+        return self.state_names[k] or kind.states[index], ", ".join(filter(None, (kind.file, line)))
 
     def nominal(self, node: int) -> list[float]:
         """Error scale of each state of a node."""
