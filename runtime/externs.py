@@ -100,7 +100,7 @@ class Extern:
         """Its value, for its arguments' elements one after the other. Raises ExternError where it raises or returns what is no number."""
         try:
             value = self.function(*self._given(args))
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise self._error(_told(error)) from error
         if isinstance(value, np.ndarray) and value.shape == () and value.dtype.kind in "biuf":
             value = value.item()

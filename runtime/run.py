@@ -161,7 +161,7 @@ class Engine:
                 for s, learnt in zip(chosen, probe.learn(), strict=True)
             ]
         except ExternError:
-            return probe  # it fails there again, and says so
+            return probe  # going on with it tells of the failure
         return probe if decided == probing else Simulation(self, system, decided, start, stop, announce)
 
     def _excursions(self, system: System, start: float, trajectories: Sequence[GroupTrajectory]) -> list[str]:

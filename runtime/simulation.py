@@ -88,6 +88,7 @@ class Simulation:
         self._watch = Watch(self._abandon)
         #: The step under way when an extern failed: its group, where that group stood, how many segments it had.
         self._abandoned = (0, start, 0)
+        self._failed: ExternError | None = None
 
     def _fill(self, arrays: dict[str, Floats]) -> None:
         """Put the run's own numbers in their places."""
@@ -114,6 +115,8 @@ class Simulation:
         if most_steps is not None:
             self.groups["most_steps"][:] = most_steps
         try:
+            if self._failed is not None:  # when the run was tried out
+                raise self._failed
             while True:
                 outcome = self._slice()
                 if outcome == records.DONE:
@@ -131,8 +134,7 @@ class Simulation:
                 if progress is not None:
                     progress(float(self.groups["t"].min()))
         except ExternError as error:
-            t = float(self.groups["t"][int(self.run["group"][0])])
-            status = Status("EXTERN_FAILED", f"just after t = {t:.9g} s {error}")
+            status = Status("EXTERN_FAILED", f"just after t = {self._abandoned[1]:.9g} s {error}")
             self._catch_up()
             return status
         except KeyboardInterrupt:
@@ -163,9 +165,10 @@ class Simulation:
         try:
             with self._watch.over():
                 return self._advance(self.run.address, self.groups.address)
-        except (ExternError, KeyboardInterrupt):
+        except (ExternError, KeyboardInterrupt) as error:
             g, t, count = self._abandoned
-            self.groups["t"][g], self.groups["count"][g] = t, count
+            self.groups["t"][g], self.groups["count"][g], self.run["group"][0] = t, count, g
+            self._failed = error if isinstance(error, ExternError) else None
             raise
 
     def _abandon(self) -> None:
@@ -259,6 +262,9 @@ class Simulation:
         if outcome == records.TOO_MANY:
             return self._too_many(g, int(self.groups["most_steps"][g]))
         t, h = float(self.groups["t"][g]), float(self.groups["trial"][g])
+        if self.plan.externs:  # one that is compiled in has no exceptions: plain Python has them
+            self._abandoned = (g, t, int(self.groups["count"][g]))
+            self.system.jacobian_of(self.plan.groups[g].nodes, t, self._states_at(t, g))
         state, line, finite = self._culprit(g)
         where = f"group `{self.plan.groups[g].name}`, state `{state}`" + (f" (line {line})" if line else "")
         if not finite:

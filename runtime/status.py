@@ -6,8 +6,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 StatusName = Literal[
-    "DONE", "INTERRUPTED", "STEP_TOO_SMALL", "NOT_FINITE", "BAD_START", "TOO_MANY_STEPS", "OUT_OF_MEMORY",
-    "EXTERN_FAILED"
+    "DONE",
+    "INTERRUPTED",
+    "STEP_TOO_SMALL",
+    "NOT_FINITE",
+    "BAD_START",
+    "TOO_MANY_STEPS",
+    "OUT_OF_MEMORY",
+    "EXTERN_FAILED",
 ]
 
 

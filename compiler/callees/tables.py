@@ -126,7 +126,7 @@ class _Reading:
         columns = len(self._item.params) + 1
         first = True
         for row in self._lines():
-            is_header = first and not any(map(_is_number, row.words))
+            is_header = first and all(map(_is_heading, row.words))
             first = False
             if is_header:
                 continue
@@ -215,6 +215,10 @@ def _rounded(number: Fraction) -> float:
 
 def _is_number(word: str) -> bool:
     return _NUMBER.fullmatch(word) is not None and math.isfinite(float(word))
+
+
+def _is_heading(word: str) -> bool:
+    return any(c.isalpha() for c in word) and not _NUMBER.match(word) and not _NOT_FINITE.fullmatch(word)
 
 
 def _what(word: str) -> str:

@@ -40,11 +40,17 @@ def interpreted(text: str) -> Callable[..., None]:
 
 def compiled(function: ast.FunctionDef, lanes: int = 1) -> Callable[..., None]:
     """A model function as machine code. Arrays are passed as numpy arrays (count, lanes); p and q are the same in all lanes; t is a time for all."""
+    unit = Unit("test")
+    add_entry(unit, function, lanes)
+    return callable_from(Loaded([compile_object(unit.text())]))
+
+
+def add_entry(unit: Unit, function: ast.FunctionDef, lanes: int) -> None:
+    """A model function as the function `entry` of a unit, its arguments by address."""
     arguments = [a.arg for a in function.args.args]
     types = {
         a: Float(lanes) if a == "t" else Pointer(Float() if a in NARROW else Float(lanes)) for a in arguments
     }
-    unit = Unit("test")
     inner = unit.model_function(function, types, lanes)
     outer = ir.Function(unit.module, ir.FunctionType(ir.VoidType(), [POINTER] * len(arguments)), "entry")
     builder = ir.IRBuilder(outer.append_basic_block("entry"))
@@ -54,7 +60,6 @@ def compiled(function: ast.FunctionDef, lanes: int = 1) -> Callable[..., None]:
     ]
     builder.call(inner, given)
     builder.ret_void()
-    return callable_from(unit)
 
 
 def exported(unit: Unit, emitted: Emitted) -> Callable[..., None]:
@@ -67,12 +72,11 @@ def exported(unit: Unit, emitted: Emitted) -> Callable[..., None]:
     ]
     builder.call(emitted.function, given)
     builder.ret_void()
-    return callable_from(unit)
+    return callable_from(Loaded([compile_object(unit.text())]))
 
 
-def callable_from(unit: Unit) -> Callable[..., None]:
-    """The function `entry` of a unit; its arguments are arrays, passed by address."""
-    code = Loaded([compile_object(unit.text())])
+def callable_from(code: Loaded) -> Callable[..., None]:
+    """The function `entry` of loaded code; its arguments are arrays, passed by address."""
     address = code.address("entry")
 
     def call(*arrays: Floats) -> None:
