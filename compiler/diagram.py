@@ -87,7 +87,7 @@ def diagram(model: Model) -> Diagram:
         Member(
             path=spelled(model.nodes[node].path, model.nodes[node].indices) or model.name,
             template=model.nodes[node].template,
-            levels=model.nodes[node].levels,
+            levels=tuple(spelled(level, model.nodes[node].indices) for level in model.nodes[node].levels),
             group=group_of.get(node),
             block=block_of[node],
             states=tuple(state.name for state in model.nodes[node].states),

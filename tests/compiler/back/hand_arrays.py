@@ -183,6 +183,15 @@ def unrolled(model: m.Model) -> m.Model:
     """The model with a node for each element, a group for each group of a family."""
     nodes = [element(node, k) for node in model.nodes for k in range(node.count)]
     parameters = []
+    for c in model.constants:
+        values = c.values if isinstance(c.values, tuple) else c.values.values.tolist()
+        for k, value in enumerate(values):
+            number = e.Number(SPAN, float(value))
+            parameters.append(
+                m.Parameter(
+                    f"(constant {c.first + k})", "real", (), None, "", c.first + k, (number,), False, SPAN
+                )
+            )
     for p in model.parameters:
         size = len(p.values)
         for k in range(p.count):
@@ -190,12 +199,6 @@ def unrolled(model: m.Model) -> m.Model:
             path = named(p.path, p.indices, k)
             parameters.append(
                 replace(p, path=path, first=p.first + k * size, values=values, count=1, indices=())
-            )
-    for c in model.constants:
-        for k, value in enumerate(c.values.values.tolist()):
-            number = e.Number(SPAN, float(value))
-            parameters.append(
-                m.Parameter(f"(constant {k})", "real", (), None, "", c.first + k, (number,), False, SPAN)
             )
     groups = [group for g in model.groups for group in ungrouped(g)]
     if model.order is not None:
@@ -214,7 +217,7 @@ def unrolled(model: m.Model) -> m.Model:
     return replace(
         model,
         nodes=tuple(replace(node, id=n) for n, node in enumerate(nodes)),
-        parameters=tuple(sorted(parameters, key=lambda p: bool(p.path.startswith("car")))),
+        parameters=tuple(parameters),
         groups=tuple(groups),
         variables=tuple(variables),
         constants=(),
@@ -493,3 +496,58 @@ def mixed(n) -> m.Model:
         yield m.Group("watcher", (n,))
 
     return build_arrays("Mixed", [first, rest, watcher], groups)
+
+
+def lottery(seed) -> m.Model:
+    """Arrays drawn by lot: blocks in any order, reading any states, and outputs and rates of what comes before in a secret order."""
+    rng = np.random.default_rng(seed)
+    sizes = {f"{name}[]": int(rng.integers(1, 8)) for name in ("a", "b", "c")}
+    stateless = {path for path in sizes if path != "a[]" and rng.random() < 0.3}
+    elements = [(path, k) for path, size in sizes.items() for k in range(1, size + 1)]
+    rank = dict(zip(elements, rng.permutation(len(elements)).tolist(), strict=True))
+    blocks = [
+        Block(path, path[0].upper(), indices=(np.sort(some),))
+        for path, size in sizes.items()
+        for some in np.array_split(rng.permutation(size) + 1, rng.integers(1, 4))
+        if len(some)
+    ]
+    blocks = [blocks[k] for k in rng.permutation(len(blocks))]
+    for b in blocks:
+        _drawn(rng, b, sizes, stateless, rank)
+
+    def groups(number):
+        moving = [b for b in blocks if b.states]
+        if rng.random() < 0.5:
+            for b in moving:
+                nodes = (
+                    number(b.path, *b.indices) if b.count > 1 else int(number(b.path, *b.indices).values[0])
+                )
+                yield m.Group(b.path, (nodes,), b.count, columns(b))
+        else:
+            numbers = [number(b.path, *b.indices).values for b in moving]
+            yield m.Group("all", (Column(np.concatenate(numbers)),))
+
+    return build_arrays("Lottery", blocks, groups)
+
+
+def _drawn(rng, b, sizes, stateless, rank):
+    """Inputs and equations of a block."""
+    own = [rank[b.path, int(k)] for k in b.indices[0]]
+    x = [] if b.path in stateless else [b.state("x", 0.5 * b.index(b.indices[0]))]
+    if rng.random() < 0.5:
+        b.let("unused", 2 * e_time())
+    total = e_time() + b.parameter("k", 1.0 + rng.random()) * sum(x, 1.0)
+    for _ in range(rng.integers(0, 4)):
+        path, kind = rng.choice(list(sizes)), rng.choice(["state", "local", "rate"])
+        kind = "local" if path in stateless else kind
+        free = kind == "state"  # of any element
+        choices = [[j for j in range(1, sizes[path] + 1) if free or rank[path, j] < r] for r in own]
+        if all(choices):
+            at = np.array([rng.choice(some) for some in choices])
+            read = b.read(str(path), {"local": "y", "state": "x", "rate": "x"}[kind], str(kind), (at,))
+            total = total + rng.random() * read
+            if x and free and all(rank[path, int(j)] < r for j, r in zip(at, own, strict=True)):
+                b.states["x"][0] = read + 1
+    y = b.alge("y", total)
+    if x:
+        b.diff("x", sin_of(y) - x[0])

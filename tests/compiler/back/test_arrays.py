@@ -3,6 +3,7 @@
 import ast
 import math
 from dataclasses import replace
+from functools import partial
 
 import hand_arrays as models
 import numpy as np
@@ -28,6 +29,7 @@ MODELS = {
     "swarm": lambda: models.swarm(12),
     "queue": lambda: models.queue(5),
     "mixed": lambda: models.mixed(5),
+    **{f"lottery {k}": partial(models.lottery, k) for k in range(40)},
 }
 
 
