@@ -72,7 +72,7 @@ class Class:
 
     `pattern` lists the Jacobian's nonzeros as (row, column): rows are the n states' derivatives, then the outs; columns the n states, then
     the m inputs. `flops` counts operations of rhs (elementary functions count 20). `lines` gives the source line of each state's
-    differential equation.
+    differential equation, and `file` their file, if it is not the model's main one.
     """
 
     name: str
@@ -92,6 +92,7 @@ class Class:
     nominal: Function  # nominal(p, w): error scale of each state
     flops: int
     lines: tuple[int, ...]
+    file: str = ""
 
 
 @dataclass(frozen=True, slots=True)

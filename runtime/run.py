@@ -246,7 +246,7 @@ def _positive(name: str, value: object) -> float:
 
 def _bad_start(system: System, x: Floats, start: float, stop: float) -> FinishedRun:
     k = int(np.argmax(~np.isfinite(x)))
-    name, line = system.state_at(k)
-    where = f" (line {line})" if line else ""
+    name, place = system.state_at(k)
+    where = f" ({place})" if place else ""
     status = Status("BAD_START", f"the initial value of `{name}`{where} is not a finite number")
     return FinishedRun(system, start, stop, start, status, ())

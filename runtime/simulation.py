@@ -97,8 +97,8 @@ class Simulation:
         arrays["p"][layout.values] = [v for node in layout.value_nodes for v in self.system.values[node]]
         nominal = np.array([w for node in self.system.order for w in self.system.nominal(node)])
         if not (nominal > 0.0).all():
-            name, line = self.system.state_at(int(np.argmin(nominal > 0.0)))
-            raise SettingError(f"the `nominal` of `{name}` (line {line}) must be positive")
+            name, place = self.system.state_at(int(np.argmin(nominal > 0.0)))
+            raise SettingError(f"the `nominal` of `{name}` ({place}) must be positive")
         atol = np.array([s.atol for s in self.settings])
         arrays["absolute"][layout.scales] = atol[layout.group_of_state] * nominal
         groups["most_steps"][:] = np.iinfo(np.int64).max
@@ -265,8 +265,8 @@ class Simulation:
         if self.plan.externs:  # one that is compiled in has no exceptions: plain Python has them
             self._abandoned = (g, t, int(self.groups["count"][g]))
             self.system.jacobian_of(self.plan.groups[g].nodes, t, self._states_at(t, g))
-        state, line, finite = self._culprit(g)
-        where = f"group `{self.plan.groups[g].name}`, state `{state}`" + (f" (line {line})" if line else "")
+        state, place, finite = self._culprit(g)
+        where = f"group `{self.plan.groups[g].name}`, state `{state}`" + (f" ({place})" if place else "")
         if not finite:
             return Status(
                 "NOT_FINITE",
@@ -289,8 +289,8 @@ class Simulation:
         t = float(self.groups["t"][g])
         return Status("TOO_MANY_STEPS", f"group `{name}` took {most} steps and is only at t = {t:.6g} s")
 
-    def _culprit(self, g: int) -> tuple[str, int, bool]:
-        """Name and line of the state that failed: one whose derivative is not finite there, else the largest relative derivative."""
+    def _culprit(self, g: int) -> tuple[str, str, bool]:
+        """Name and place of the state that failed: one whose derivative is not finite there, else the largest relative derivative."""
         t = float(self.groups["t"][g])
         x = self._states_at(t, g)
         own = self._slice_of(g)

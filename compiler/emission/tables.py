@@ -38,7 +38,7 @@ def tables(
 ) -> list[Statement]:
     """All tables and the model. `names` are the classes', `defaults` those of the functions that set defaults of blocks."""
     forms = plan.symbolic.forms
-    classes = [_class(name, form) for name, form in zip(names, forms, strict=True)]
+    classes = [_class(name, form, plan.source) for name, form in zip(names, forms, strict=True)]
     return [
         Blank(2),
         *_table("CLASSES", classes),
@@ -80,7 +80,7 @@ def _several(count: int, indices: Sequence[Index]) -> tuple[tuple[str, Target], 
     return (*counted, ("indices", _columns(indices))) if indices else counted
 
 
-def _class(name: str, form: Form) -> Call:
+def _class(name: str, form: Form, source: str) -> Call:
     def function(role: str) -> Name:
         return Name(function_name(name, role))
 
@@ -107,6 +107,8 @@ def _class(name: str, form: Form) -> Call:
         "flops": Constant(form.flops),
         "lines": _numbers(span.line for span in form.spans),
     }
+    if form.spans and form.spans[0].file.name != source:
+        fields["file"] = Constant(form.spans[0].file.name)
     return Call("Class", keywords=tuple(fields.items()))
 
 
