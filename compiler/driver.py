@@ -50,7 +50,7 @@ def compile_source(
     model = model_of(source, experiment, params, strict_units=strict_units, reader=reader)
     from hierc.compiler.symbolic.derive import derive
 
-    structural = tuple(p.path for p in model.parameters if p.structural)
+    structural = tuple(dict.fromkeys(p.path.replace("[]", "") for p in model.parameters if p.structural))
     symbolic = derive(model)
     externs = tuple(c.callee for c in symbolic.called if isinstance(c.callee, Extern))
     return Compiled(_python(model, symbolic), model.warnings, structural, externs)

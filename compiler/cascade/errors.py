@@ -28,6 +28,7 @@ class BrokenCascade(Problem):
     agents: bool  # whether both sides are agents
     through: tuple[str, ...] = ()  # agents outside by way of which the later level is read
     back: Span | None = None  # where the last of them reads it
+    observer: bool = False  # whether the reader is an observer of the level
 
     def title(self) -> str:
         reader = (
@@ -54,6 +55,8 @@ class BrokenCascade(Problem):
         return (LEVELS_NOTE,)
 
     def help(self) -> tuple[str, ...]:
+        if self.observer:
+            return (f"move the observer out of level `{self.reader_level}`",)
         one_level = f"move both {'agents' if self.agents else 'parts'} into one level"
         if self.read is None:
             return (one_level,)

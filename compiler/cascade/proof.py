@@ -150,6 +150,7 @@ def _problem(
         source_level=names[owner[1]],
         read=bind.name.text if bind else None,
         agents=reading is not None and owning is not None,
+        observer=reader[0].observer and reading is None,
     )
 
 

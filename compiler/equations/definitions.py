@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from hierc.compiler.arrays.errors import IndexAssigned
 from hierc.compiler.cascade.errors import OutsideLevels, TwoLevels
 from hierc.compiler.collector import Collector
 from hierc.compiler.equations.errors import (
@@ -19,7 +20,6 @@ from hierc.compiler.equations.errors import (
 )
 from hierc.compiler.resolve.declarations import Agent, Equation, Library, Variable
 from hierc.compiler.resolve.errors import UnknownName
-from hierc.compiler.structure.array_errors import IndexAssigned
 from hierc.grammar.source import Span
 
 

@@ -16,12 +16,12 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from hierc.compiler.arrays.domains import Domain, spelled
 from hierc.compiler.cascade.graphs import components
 from hierc.compiler.collector import Collector
 from hierc.compiler.columns import Integers, expanded
 from hierc.compiler.equations.errors import AlgebraicLoop, DerivativeInInitialValue, InitialLoop, LoopStep
 from hierc.compiler.expression import Expr, Gather, Local, Rate, State
-from hierc.compiler.structure.domains import Domain, spelled
 from hierc.compiler.structure.flat import Flat, leaves
 from hierc.grammar.source import Span
 

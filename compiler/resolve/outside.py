@@ -5,10 +5,15 @@ In: paths with numbers or (nested) lists of them, in the declared units. Problem
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
+
 from hierc.compiler import model
+from hierc.compiler.arrays.errors import CountsDiffer, OutOfArray, StructuralElement
 from hierc.compiler.collector import Collector, Rejected
+from hierc.compiler.columns import expanded
 from hierc.compiler.expression import Number
 from hierc.compiler.resolve.errors import UnknownParameter
 from hierc.compiler.shapes.values import Scalar, Shape, Value, type_text
@@ -60,23 +65,69 @@ def _fits(value: float, scalar: Scalar, scale: float) -> bool:
 
 
 def check_given(parameters: Iterable[model.Parameter], given: Given) -> None:
-    """Check names, types and shapes of values from outside. Raises ModelError with all that is wrong."""
+    """Check names, types and shapes of values from outside. Raises ModelError with all that is wrong.
+
+    In an array of agents `car.tau` means all of them, `car[3].tau` one, `car[2..5].tau` some: a value for each, or one value for all.
+    """
     problems = Collector()
-    known = {p.path: p for p in parameters}
+    known: dict[str, list[model.Parameter]] = {}
+    for parameter in parameters:
+        known.setdefault(parameter.path.replace("[]", ""), []).append(parameter)
     for path, value in given.items():
-        parameter = known.get(path)
-        if parameter is None:
-            problems.add(
-                UnknownParameter(
-                    None, agent=None, name=path, candidates=tuple(known), advice=_advice(path, known)
-                )
-            )
-            continue
+        plain = _SUBSCRIPT.sub(".", path)
+        blocks = known.get(plain)
         try:
-            outside_value(path, value, parameter.scalar, parameter.shape, parameter.scale)
+            if blocks is None or (plain != path and not blocks[0].indices):
+                firsts = {name: entries[0] for name, entries in known.items()}
+                raise Rejected(
+                    UnknownParameter(
+                        None, agent=None, name=path, candidates=tuple(known), advice=_advice(path, firsts)
+                    )
+                )
+            _check_value(path, value, blocks, _elements(path, blocks))
         except Rejected as rejection:
             problems.rejected(rejection)
     problems.stop_on_errors()
+
+
+#: The subscript of an array of agents in a path.
+_SUBSCRIPT = re.compile(r"\[([0-9]+)(?:\.\.([0-9]+))?\]\.")
+
+
+def _elements(path: str, blocks: Sequence[model.Parameter]) -> int:
+    """How many elements of an array a path means. Raises Rejected (E801) for one that is not there."""
+    template = blocks[0].path.split(".")
+    arrays = [place for place, name in enumerate(template) if name.endswith("[]")]
+    columns = [np.concatenate([expanded(b.indices[k], b.count) for b in blocks]) for k in range(len(arrays))]
+    chosen = np.ones(len(columns[0]) if columns else 1, np.bool_)
+    names = path.replace("..", "\0").split(".")
+    for place, column in zip(arrays, columns, strict=True):
+        match = _SUBSCRIPT.search(names[place].replace("\0", "..") + ".")
+        if match is None:
+            continue
+        if blocks[0].structural:
+            raise Rejected(StructuralElement(None, name=template[-1], path=_SUBSCRIPT.sub(".", path)))
+        ends = [int(match[1]), int(match[2] or match[1])]
+        first, last = int(column.min()), int(column.max())
+        outside = next((end for end in ends if not first <= end <= last), None)
+        if outside is not None:
+            raise Rejected(
+                OutOfArray(None, text=path, index=outside, first=first, last=last, where=(), index_name=None)
+            )
+        chosen &= (column >= ends[0]) & (column <= ends[1])
+    return int(chosen.sum())
+
+
+def _check_value(path: str, value: object, blocks: Sequence[model.Parameter], count: int) -> None:
+    """Check a value for so many elements of an array, which may be one for each. Raises Rejected (E911, E802)."""
+    block = blocks[0]
+    shape, _ = _flattened(value)
+    if block.indices and len(shape) == len(block.shape) + 1 and shape[1:] == block.shape:
+        if shape[0] != count:
+            raise Rejected(CountsDiffer(None, text=path, wanted=count, given=shape[0]))
+        outside_value(path, value, block.scalar, shape, block.scale)
+        return
+    outside_value(path, value, block.scalar, block.shape, block.scale)
 
 
 def _advice(path: str, known: Mapping[str, model.Parameter]) -> str | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol, assert_never
+from typing import Literal, Protocol, assert_never
 
 import numpy as np
 
@@ -51,6 +51,11 @@ MAX_OPERATIONS = 1_000_000
 SMALL, LONGEST = 4, 12
 
 
+Reduction = Literal["add", "min", "max"]
+#: Functions that make one scalar of all elements of an array.
+REDUCTIONS: Mapping[str, Reduction] = {"sum": "add", "min": "min", "max": "max"}
+
+
 @dataclass(frozen=True, slots=True)
 class Chosen:
     """Elements of an array of agents that a reference names by their indices: `car[i - 1]`, or several, `car[2..5]`."""
@@ -65,6 +70,10 @@ class Scope(Protocol):
 
     def lookup(self, ref: tree.Ref, chosen: Chosen | None) -> Value:
         """The whole value that a reference names, before its last subscripts are applied."""
+        ...
+
+    def reduced(self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None) -> Expr | None:
+        """A sum or extreme of a variable over many agents of an array, computed by itself; None where `ref` names no such thing, or few."""
         ...
 
 
@@ -95,6 +104,10 @@ class Values:
         if value is None:
             raise self.refused.get(ref.path.text, Rejected())
         return value.at(ref.span)
+
+    def reduced(self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None) -> Expr | None:
+        """See `Scope`: there are no agents here."""
+        return None
 
 
 class Budget:
@@ -437,6 +450,8 @@ def _filled(value: Value, shape: Shape, node: tree.Node) -> tuple[str, ...]:
 
 
 def _call(call: tree.Call, env: Environment) -> Value:
+    if (alone := _reduced(call, env)) is not None:
+        return alone
     values = tuple(evaluate(arg, env) for arg in call.args)
     name = call.function.text
     if env.library.signature(name) is not None:
@@ -447,6 +462,19 @@ def _call(call: tree.Call, env: Environment) -> Value:
     if func is None:
         return call_built_in(call, values, env.sharing)
     return _inlined(call, func, values, env)
+
+
+def _reduced(call: tree.Call, env: Environment) -> Value | None:
+    """`sum(car.v)` and its like over many agents; None for any other call."""
+    operation = REDUCTIONS.get(call.function.text)
+    if operation is None or len(call.args) != 1:
+        return None
+    (arg,) = call.args
+    if not isinstance(arg, tree.Ref) or len(arg.path.steps) != 2 or arg.path.steps[-1].subs:
+        return None
+    first = arg.path.steps[0]
+    alone = env.scope.reduced(operation, arg, _chosen(first, env) if first.subs else None)
+    return None if alone is None else scalar_of("real", alone)
 
 
 def _inlined(call: tree.Call, func: tree.Func, values: tuple[Value, ...], env: Environment) -> Value:

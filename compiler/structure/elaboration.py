@@ -12,6 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from hierc.compiler.arrays.domains import Domain, array_domain, chosen
+from hierc.compiler.arrays.errors import EmptyArray, TooManyPatterns
 from hierc.compiler.collector import Rejected
 from hierc.compiler.columns import Column, Integers, difference
 from hierc.compiler.context import Context
@@ -20,8 +22,6 @@ from hierc.compiler.resolve.errors import TooManyInstances
 from hierc.compiler.shapes.evaluate import Environment, evaluate, index_in, span_of
 from hierc.compiler.shapes.folding import constant
 from hierc.compiler.shapes.values import Value
-from hierc.compiler.structure.array_errors import EmptyArray, TooManyPatterns
-from hierc.compiler.structure.domains import Domain, array_domain, chosen
 from hierc.compiler.structure.instances import Array, Instance, inside
 from hierc.compiler.structure.parameters import ParameterBuilder, Parameters
 from hierc.compiler.walk import Visit, below, visit

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, assert_never
 
+from hierc.compiler.arrays.domains import Domain
 from hierc.compiler.columns import Index
 from hierc.compiler.expression import (
     Apply,
@@ -26,7 +27,6 @@ from hierc.compiler.expression import (
     State,
     Time,
 )
-from hierc.compiler.structure.domains import Domain
 from hierc.compiler.structure.instances import Instance, Place, Standing
 from hierc.grammar.source import Span
 

@@ -14,23 +14,32 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.compiler.arrays.domains import Domain
 from hierc.compiler.collector import Rejected
-from hierc.compiler.columns import column, taken
+from hierc.compiler.columns import Integers, column, taken
 from hierc.compiler.context import Context
 from hierc.compiler.equations.errors import DefinedTwice, NeverDefined, NoDerivative
 from hierc.compiler.expression import Choose, Expr, Gather, Local, Number, Rate, State
 from hierc.compiler.resolve.declarations import Equation, Variable
 from hierc.compiler.resolve.errors import GivenTwice
-from hierc.compiler.shapes.evaluate import Environment, Values, evaluate, expected, selected, span_of
+from hierc.compiler.shapes.evaluate import (
+    Environment,
+    Reduction,
+    Values,
+    evaluate,
+    expected,
+    selected,
+    span_of,
+)
 from hierc.compiler.shapes.operations import Sharing, condition
 from hierc.compiler.shapes.terms import cut, rewritten
 from hierc.compiler.shapes.values import Shape, Value, element_names, index_value, is_leaf, number
-from hierc.compiler.structure.domains import Domain
+from hierc.compiler.structure.fan_in import FanIns
 from hierc.compiler.structure.flat import Flat, FlatDefinition, FlatState
 from hierc.compiler.structure.instances import Instance
 from hierc.compiler.structure.parameters import Parameters, Tables, index_of_elements
 from hierc.compiler.structure.paths import Gift, elements, elements_of
-from hierc.compiler.structure.scope import InstanceScope, View
+from hierc.compiler.structure.scope import InstanceScope, Kind, View
 from hierc.compiler.structure.storage import Storage, allocate
 from hierc.compiler.structure.variables import flat_variables
 from hierc.grammar import tree
@@ -86,6 +95,7 @@ class _Flattener:
         self.named: list[dict[str, Value]] = [{} for _ in instances]
         #: Definitions of an agent that were copied for the elements of an array inside it: by definition and domain.
         self._copies: dict[tuple[int, int], Expr] = {}
+        self._fan_ins = FanIns(self.storage)
 
     def result(self) -> Flat:
         for instance in self._instances:
@@ -97,9 +107,9 @@ class _Flattener:
         self._problems.stop_on_errors()
         return Flat(
             self._instances,
-            self.storage.nodes,
+            (*self.storage.nodes, *self._fan_ins.nodes),
             tuple(self._state(index) for index in range(len(self.storage.states))),
-            tuple(self._finished(index) for index in range(len(self._definitions))),
+            (*(self._finished(index) for index in range(len(self._definitions))), *self._fan_ins.definitions),
             tuple(flat_variables(self._instances, self.storage, self.named)),
         )
 
@@ -196,6 +206,12 @@ class _Flattener:
             )
         copy = self._copies[key]
         return replace(copy, span=leaf.span)
+
+    def fan_in(
+        self, operation: Reduction, kind: Kind, scalars: Integers, around: Instance, span: Span
+    ) -> Integers:
+        """See `scope.Owner`."""
+        return self._fan_ins.joined(operation, kind, scalars, around, span)
 
     def placed(self, value: Value, span: Span) -> Value:
         """A `let` or coupling used at `span`. Variables in it stay where the text names them: that is what a problem points at."""

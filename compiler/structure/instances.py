@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from hierc.compiler.arrays.domains import SINGLE, Domain
 from hierc.compiler.collector import Rejected
 from hierc.compiler.columns import Integers
 from hierc.compiler.resolve.declarations import Agent, Library
 from hierc.compiler.resolve.errors import NestedTooDeeply, TooManyInstances
 from hierc.compiler.resolve.ordering import ordered
-from hierc.compiler.structure.domains import SINGLE, Domain
 from hierc.grammar import tree
 
 #: Most agents of a model.

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.compiler import expression, model
+from hierc.compiler.arrays.domains import Domain
+from hierc.compiler.arrays.errors import StructuralElement
 from hierc.compiler.collector import Rejected
 from hierc.compiler.columns import Column, Integers, column, taken
 from hierc.compiler.context import Context
@@ -24,6 +26,7 @@ from hierc.compiler.resolve.structural import structural_parameters
 from hierc.compiler.shapes.evaluate import (
     Chosen,
     Environment,
+    Reduction,
     Scope,
     Values,
     declared_shape,
@@ -32,8 +35,6 @@ from hierc.compiler.shapes.evaluate import (
 )
 from hierc.compiler.shapes.terms import rewritten
 from hierc.compiler.shapes.values import Shape, Value, index_value, scalar_of, size_of
-from hierc.compiler.structure.array_errors import StructuralElement
-from hierc.compiler.structure.domains import Domain
 from hierc.compiler.structure.instances import Instance
 from hierc.compiler.structure.paths import Gift, elements_of
 from hierc.compiler.units.units import scale_of
@@ -99,6 +100,10 @@ class Brought:
         """See `evaluate.Scope`."""
         value = self.scope.lookup(ref, chosen)
         return replace(value, elements=tuple(brought(e, self.places) for e in value.elements))
+
+    def reduced(self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None) -> Expr | None:
+        """See `evaluate.Scope`: parameters are no agents."""
+        return None
 
 
 def brought(expr: Expr, places: Integers) -> Expr:

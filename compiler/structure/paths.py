@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.compiler.arrays.domains import Domain
+from hierc.compiler.arrays.errors import NotAnArray, OutOfArray
 from hierc.compiler.collector import Rejected
 from hierc.compiler.columns import Column, Integers, expanded
 from hierc.compiler.elements import Elements
 from hierc.compiler.model import Group, Node, Variable
 from hierc.compiler.shapes.evaluate import Environment, known_integer, selected, span_of
 from hierc.compiler.shapes.values import Shape, element_names, type_text
-from hierc.compiler.structure.array_errors import NotAnArray, OutOfArray
-from hierc.compiler.structure.domains import Domain
 from hierc.compiler.structure.errors import MatchesNothing, UnknownPath
 from hierc.compiler.structure.instances import Instance
 from hierc.compiler.suggest import without_level

@@ -10,21 +10,23 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from hierc.compiler.arrays.domains import Domain
+from hierc.compiler.arrays.errors import NotAnArray, OutOfArray, ShapesOfElements
 from hierc.compiler.collector import Rejected
 from hierc.compiler.columns import Column, Index, Integers, column, expanded
 from hierc.compiler.equations.errors import DerivativeOfRead, NotAState
 from hierc.compiler.expression import Expr, Gather, Rate, State
 from hierc.compiler.resolve.declarations import Variable
-from hierc.compiler.shapes.evaluate import Chosen, Values
-from hierc.compiler.shapes.values import Shape, Value
-from hierc.compiler.structure.array_errors import NotAnArray, OutOfArray, ShapesOfElements
-from hierc.compiler.structure.domains import Domain
+from hierc.compiler.shapes.evaluate import Chosen, Reduction, Values
+from hierc.compiler.shapes.values import Shape, Value, size_of
 from hierc.compiler.structure.instances import Array, Instance
 from hierc.compiler.structure.storage import Storage
 from hierc.grammar import tree
 from hierc.grammar.source import Span
 
 Kind = Literal["state", "rate", "algebraic"]
+#: Scalars of an array up to which a sum over them is written out.
+FEW = 32
 
 
 class Owner(Protocol):
@@ -46,6 +48,12 @@ class Owner(Protocol):
 
     def placed(self, value: Value, span: Span) -> Value:
         """A `let` or coupling used at `span`."""
+        ...
+
+    def fan_in(
+        self, operation: Reduction, kind: Kind, scalars: Integers, around: Instance, span: Span
+    ) -> Integers:
+        """The algebraic variables, one for each element of `around`, that join the scalars numbered in its row."""
         ...
 
     def brought(self, value: Value, view: View) -> Value:
@@ -132,14 +140,7 @@ class InstanceScope:
 
     def _elements(self, ref: tree.Ref, array: Array, chosen: Chosen | None) -> Value:
         """A variable of elements of an array: of one, of a slice, or of all."""
-        name = ref.path.steps[1].name.text
-        first = self.owner.instance(array.blocks[0])
-        variable = first.agent.variables.get(name)
-        if ref.prime:
-            self._check_rate(ref, first, name, variable)
-        if variable is None or variable.decl.access == "read":
-            raise Rejected  # not visible: reported
-        kind: Kind = "rate" if ref.prime else "algebraic" if variable.declarator.initial is None else "state"
+        name, kind = self._variable(ref, array)
         shape = self._shape(array, name, ref)
         indices: tuple[Index, ...] = chosen.indices if chosen is not None else tuple(_all(array))
         several = chosen is None or chosen.several
@@ -151,6 +152,35 @@ class InstanceScope:
             for k, table in enumerate(tables)
         )
         return Value("real", (len(indices), *shape) if several else shape, leaves)
+
+    def _variable(self, ref: tree.Ref, array: Array) -> tuple[str, Kind]:
+        """The variable of an array's agents that a reference names, and what it is of it."""
+        name = ref.path.steps[1].name.text
+        first = self.owner.instance(array.blocks[0])
+        variable = first.agent.variables.get(name)
+        if ref.prime:
+            self._check_rate(ref, first, name, variable)
+        if variable is None or variable.decl.access == "read":
+            raise Rejected  # not visible: reported
+        return name, "rate" if ref.prime else "algebraic" if variable.declarator.initial is None else "state"
+
+    def reduced(self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None) -> Expr | None:
+        """See `evaluate.Scope`. Elements of an array that look at the same agent around them share what it makes."""
+        array = self.instance.arrays.get(ref.path.steps[0].name.text)
+        if array is None or (chosen is not None and not chosen.several):
+            return None
+        name, kind = self._variable(ref, array)
+        indices = _all(array) if chosen is None else chosen.indices
+        if len(indices) * size_of(self._shape(array, name, ref)) <= FEW:
+            return None
+        numbers = [index for index in indices if isinstance(index, int)]
+        if len(numbers) < len(indices):
+            return None  # every element has its own
+        slots = np.array([self._slots(array, index, chosen)[0] % array.size for index in numbers])
+        around = np.arange(self.instance.domain.count)[:, None] * array.size + slots
+        scalars = np.concatenate([table[around] for table in self._tables(array, name)], axis=1)
+        found = self.owner.fan_in(operation, kind, scalars, self.instance, ref.span)
+        return Gather(ref.span, "algebraic", column(found if self.view is None else found[self.view.places]))
 
     def _shape(self, array: Array, name: str, ref: tree.Ref) -> Shape:
         shapes = [self.owner.storage.shapes[block].get(name) for block in array.blocks]

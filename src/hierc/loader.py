@@ -187,7 +187,7 @@ def _with_values(model: Model, params: Mapping[str, Value]) -> Model:
 
 def structural_names(model: Model) -> frozenset[str]:
     """Paths of the parameters that are built into a model's code."""
-    return frozenset(p.path for p in model.plan.parameters if p.structural)
+    return frozenset(p.path.replace("[]", "") for p in model.plan.parameters if p.structural)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from hierc.compiler import unsupported
+from hierc.compiler.arrays import errors as array_errors
 from hierc.compiler.front import analyse
 from hierc.compiler.resolve import errors as name_errors
 from hierc.compiler.structure import errors as experiment_errors
@@ -41,7 +42,7 @@ def test_wording(case: Path, request: pytest.FixtureRequest) -> None:
 
 
 def kinds_of_problems() -> Iterator[type[Problem]]:
-    for name in (*(f"{phase}.errors" for phase in PHASES), "structure.array_errors", "unsupported"):
+    for name in (*(f"{phase}.errors" for phase in PHASES), "arrays.errors", "unsupported"):
         module = import_module(f"hierc.compiler.{name}")
         for kind in vars(module).values():
             if (
@@ -62,6 +63,10 @@ def test_codes_are_unique_and_explained() -> None:
 
 
 def test_every_problem_has_a_case() -> None:
-    elsewhere = {experiment_errors.UnknownExperiment.code, name_errors.NestedTooDeeply.code}
+    elsewhere = {
+        experiment_errors.UnknownExperiment.code,
+        name_errors.NestedTooDeeply.code,
+        array_errors.CountsDiffer.code,
+    }
     covered = {case.stem[:4].upper() for case in CASES} | elsewhere
     assert {kind.code for kind in kinds_of_problems()} - covered == set()

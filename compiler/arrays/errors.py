@@ -38,6 +38,18 @@ class OutOfArray(Problem):
 
 
 @dataclass(frozen=True)
+class CountsDiffer(Problem):
+    code = "E802"
+    explanation = "What is given to agents of an array at once is one value for all of them, or a value for each, in the order of their indices."
+    text: str
+    wanted: int
+    given: int
+
+    def title(self) -> str:
+        return f"`{self.text}` means {self.wanted} agents, but {self.given} values are given"
+
+
+@dataclass(frozen=True)
 class IndexAssigned(Problem):
     code = "E803"
     explanation = "The index of a `for` or of an array of agents counts elements; it is known when the model is compiled and never changes."

@@ -1,0 +1,97 @@
+"""Fan-ins: sums and extremes over many agents of an array, as trees of nodes of their own.
+
+A node joins up to `WIDTH` scalars, those of the next layer join these; all nodes of a layer are one block, or two where they join unequal numbers. So
+neither the equations nor the generated code grow with the array, and who reads the same sum shares it. Part of the phase `flatten.py`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from math import inf
+
+import numpy as np
+
+from hierc.compiler.arrays.domains import Domain
+from hierc.compiler.columns import Integers, column
+from hierc.compiler.expression import Apply, Expr, Gather
+from hierc.compiler.shapes.evaluate import Reduction
+from hierc.compiler.structure.flat import FlatDefinition, FlatNode
+from hierc.compiler.structure.instances import Instance
+from hierc.compiler.structure.scope import Kind
+from hierc.compiler.structure.storage import Storage
+from hierc.grammar.source import Span
+
+#: Most scalars that one node joins.
+WIDTH = 32
+_NAMES: dict[Reduction, str] = {"add": "sum", "min": "min", "max": "max"}
+
+
+@dataclass(slots=True)
+class FanIns:
+    """The nodes and definitions made so far; they follow those of `storage`."""
+
+    storage: Storage
+    nodes: list[FlatNode] = field(default_factory=list)
+    definitions: list[FlatDefinition] = field(default_factory=list)
+    _made: dict[tuple[Reduction, Kind, bytes], Integers] = field(default_factory=dict)
+    _count: int = 0
+
+    def joined(
+        self, operation: Reduction, kind: Kind, scalars: Integers, around: Instance, span: Span
+    ) -> Integers:
+        """For each row of `scalars`, numbers as `Gather` has them, the algebraic variable that joins it. Rows belong to the elements of `around`."""
+        key = (operation, kind, scalars.tobytes())
+        if key not in self._made:
+            at: Kind = kind
+            layer = scalars
+            while layer.shape[1] > 1:
+                layer, at = self._layer(operation, at, layer, around, span), "algebraic"
+            self._made[key] = layer[:, 0]
+        return self._made[key]
+
+    def _layer(
+        self, operation: Reduction, kind: Kind, scalars: Integers, around: Instance, span: Span
+    ) -> Integers:
+        """Nodes that join `WIDTH` columns or less each; their variables, one a row for each."""
+        width = scalars.shape[1]
+        count = -(-width // WIDTH)
+        small, large = width // count, width % count  # `large` nodes join one more
+        parts = []
+        for nodes, size, first in ((large, small + 1, 0), (count - large, small, large * (small + 1))):
+            if nodes:
+                columns = scalars[:, first : first + nodes * size].reshape(-1, size)
+                parts.append(self._block(operation, kind, columns, nodes, around, span).reshape(-1, nodes))
+        return np.concatenate(parts, axis=1)
+
+    def _block(
+        self, operation: Reduction, kind: Kind, scalars: Integers, nodes: int, around: Instance, span: Span
+    ) -> Integers:
+        """One block: `nodes` for each element of `around`, each joining a row of `scalars`."""
+        places = np.repeat(np.arange(around.domain.count), nodes)
+        domain = Domain(len(places), around.domain, places, tuple(c[places] for c in around.domain.indices))
+        name = f"{_NAMES[operation]} of {span.text}"
+        expr: Expr = Gather(span, kind, column(scalars[:, 0]))
+        for k in range(1, scalars.shape[1]):
+            expr = Apply(span, operation, (expr, Gather(span, kind, column(scalars[:, k]))))
+        first = self._first()
+        node = len(self.storage.nodes) + len(self.nodes)
+        here = replace(around, domain=domain)
+        self.nodes.append(
+            FlatNode(
+                here, None, False, around.named(name), _NAMES[operation], span, around.standing(None),
+                (*around.place, (inf, len(self.nodes))),
+            )
+        )  # fmt: skip
+        self.definitions.append(
+            FlatDefinition(
+                name, around.named(name), expr, span, node, hidden=True, domain=domain, first=first
+            )
+        )
+        self._count += domain.count
+        return np.arange(first, first + domain.count)
+
+    def _first(self) -> int:
+        """The number of the next algebraic variable."""
+        own = self.storage.algebraic
+        last = own[-1].first + self.storage.nodes[own[-1].owner or 0].instance.domain.count if own else 0
+        return last + self._count
