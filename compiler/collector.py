@@ -35,9 +35,13 @@ class Collector:
         if rejection.problem is not None:
             self.add(rejection.problem)
 
+    def has_errors(self, *, but: Container[str] = ()) -> bool:
+        """Whether anything found is an error of a code not in `but`."""
+        return any(p.severity == "error" and p.code not in but for p in self._problems.values())
+
     def stop_on_errors(self, *, but: Container[str] = ()) -> None:
         """Raise ModelError with everything found, in source order, if any of it is an error of a code not in `but`."""
-        if any(p.severity == "error" and p.code not in but for p in self._problems.values()):
+        if self.has_errors(but=but):
             raise ModelError(self.in_source_order())
 
     def in_source_order(self) -> tuple[Problem, ...]:

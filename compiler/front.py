@@ -113,11 +113,13 @@ def _definitions(
     modules = read_modules(file, reader, problems)
     problems.stop_on_errors()
     files = views(modules, reader.elsewhere, problems)
-    problems.stop_on_errors(but=(DeclaredTwice.code,))  # of two declarations the first counts, so there is more to say
+    problems.stop_on_errors(but=(DeclaredTwice.code,))  # the name is there, though not what it stands for
+    clear = not problems.has_errors()
     for view in files:
         check_names(view.own, view.scope, problems)
         check_declared_units(view.own, problems)
-        check_equations(view.own, problems)
+        if clear:
+            check_equations(view.own, problems)
         warn_of_unused(view, problems)
     problems.stop_on_errors()
     library = link(files)
