@@ -120,8 +120,9 @@ def _definitions(
         check_declared_units(view.own, problems)
         if clear:
             check_equations(view.own, problems)
-        warn_of_unused(view, problems)
     problems.stop_on_errors()
+    for view in files:
+        warn_of_unused(view, problems)
     library = link(files)
     names = names_of(library, problems)
     check_units(library, names, problems, strict=strict_units)

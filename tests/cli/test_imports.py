@@ -265,6 +265,23 @@ def test_a_warm_start_reads_files_and_parses_none(tmp_path: Path) -> None:
     assert said() == "[]\n"
 
 
+# ---- what is said of runs ------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("cache")
+def test_a_failure_names_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    grow = "agent Grow() {\n  write real x = 1;\n  diff { x' = x^2*1 [1/s]; }\n}\n"
+    put(
+        tmp_path,
+        main=f"import parts.grow as g;\n{grow}agent Two() {{ agent a = g.Grow(); }}",
+        parts__grow=grow,
+    )
+    for agent, place in (("Two", "`a.x` (parts/grow.hier, line 3)"), ("Grow", "`x` (line 4)")):
+        assert main(["run", str(tmp_path / "main.hier"), agent, "--stop", "2"]) == 3
+        said = capsys.readouterr().err.replace(f"{tmp_path}{os.sep}", "")
+        assert f"state {place} had to become smaller" in said
+
+
 # ---- what the generated module says --------------------------------------------------------------
 
 
