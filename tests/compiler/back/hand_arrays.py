@@ -498,6 +498,25 @@ def mixed(n) -> m.Model:
     return build_arrays("Mixed", [first, rest, watcher], groups)
 
 
+def ladder(n) -> m.Model:
+    """x of rung i starts at z of rung i - 1, z at twice y of post i, y at x of rung i and one more: rungs and posts need each other's."""
+    numbers = np.arange(1, n + 1)
+    blocks = []
+    for where in (numbers[:1], numbers[1:]):
+        rung = Block("rung[]", "Rung", indices=(where,))
+        y = rung.read("post[]", "y", "state", (where,))
+        start = rung.read("rung[]", "z", "state", (where - 1,)) if where[0] > 1 else 3.0
+        rung.diff("x", -rung.state("x", start))
+        rung.diff("z", -rung.state("z", 2 * y))
+        blocks.append(rung)
+    post = Block("post[]", "Post", indices=(numbers,))
+    post.diff("y", -post.state("y", post.read("rung[]", "x", "state", (numbers,)) + 1))
+    every = [("rung[]", numbers), ("post[]", numbers)]
+    return build_arrays(
+        "Ladder", [*blocks, post], lambda number: [m.Group("all", tuple(number(*some) for some in every))]
+    )
+
+
 def lottery(seed) -> m.Model:
     """Arrays drawn by lot: blocks in any order, reading any states, and outputs and rates of what comes before in a secret order."""
     rng = np.random.default_rng(seed)

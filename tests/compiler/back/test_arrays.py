@@ -29,6 +29,7 @@ MODELS = {
     "swarm": lambda: models.swarm(12),
     "queue": lambda: models.queue(5),
     "mixed": lambda: models.mixed(5),
+    "ladder": lambda: models.ladder(6),
     **{f"lottery {k}": partial(models.lottery, k) for k in range(40)},
 }
 
@@ -187,6 +188,17 @@ def test_a_family_that_calls_other_blocks_is_divided():
 def test_initial_values_run_against_the_order():
     p = System(generate(models.queue(6))).plan
     assert (p.start_passes, p.start_order, p.order) == (1, Steps(5, -1), Steps(5, -1))
+
+
+def test_initial_values_of_elements_that_need_each_other_take_passes():
+    system = System(generate(models.ladder(6)))
+    x, y, z = [3.0], [4.0], [8.0]
+    for _ in range(5):
+        x.append(z[-1])
+        y.append(x[-1] + 1)
+        z.append(2 * y[-1])
+    assert system.initial() == [*([a, b] for a, b in zip(x, z, strict=True)), *([b] for b in y)]
+    assert system.plan.start_passes == 7  # a rung more in each, and the first post before the first rung's z
 
 
 def test_the_public_face_names_blocks():
