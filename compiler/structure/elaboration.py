@@ -19,7 +19,7 @@ from hierc.compiler.columns import Column, Integers, difference
 from hierc.compiler.context import Context
 from hierc.compiler.expression import Gather
 from hierc.compiler.resolve.errors import TooManyInstances
-from hierc.compiler.shapes.evaluate import Environment, evaluate, index_in, span_of
+from hierc.compiler.shapes.evaluate import Environment, evaluate, index_in, known_integer
 from hierc.compiler.shapes.folding import constant
 from hierc.compiler.shapes.values import Value
 from hierc.compiler.structure.instances import Array, Instance, inside
@@ -86,20 +86,21 @@ class _Elaboration:
             self._children[parent.id][name] = here.id
             return [self._add(here)]
         env = self._builder.environment(parent.id, parent.domain)
-        indices = span_of(sub.index.range, env)
-        if not indices:
-            raise Rejected(
-                EmptyArray(sub.index.range.span, name=name, first=indices.start, last=indices.stop - 1)
-            )
-        self._count(sub, parent.domain.count, len(indices))
-        whole = array_domain(parent.domain, indices.start, len(indices))
+        first, last = (
+            known_integer(end, env, "end of a range") for end in (sub.index.range.first, sub.index.range.last)
+        )
+        size = last - first + 1
+        if size < 1:
+            raise Rejected(EmptyArray(sub.index.range.span, name=name, first=first, last=last))
+        self._count(sub, parent.domain.count, size)
+        whole = array_domain(parent.domain, first, size)
         slots = self._patterns(parent, sub, whole)
         found = []
         for places in slots:
             domain = chosen(whole, places)
             here = inside(self._context.library, parent, name, len(self._made), outline, domain)
             found.append(self._add(here))
-        self._arrays[parent.id][name] = Array(indices.start, len(indices), tuple(found), tuple(slots))
+        self._arrays[parent.id][name] = Array(first, size, tuple(found), tuple(slots))
         return found
 
     def _count(self, sub: tree.Instance, outer: int, size: int) -> None:
