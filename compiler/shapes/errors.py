@@ -41,9 +41,10 @@ class TypeDiffers(Problem):
     wanted: str
     given: str
     instead: tuple[str, ...] = ()  # texts of the wanted type
+    other: str = "the right-hand side"
 
     def title(self) -> str:
-        return f"{self.subject} is `{self.wanted}` but the right-hand side is `{self.given}`"
+        return f"{self.subject} is `{self.wanted}` but {self.other} is `{self.given}`"
 
     def help(self) -> tuple[str, ...]:
         return (f"write {' or '.join(f'`{text}`' for text in self.instead)}",) if self.instead else ()
@@ -85,8 +86,11 @@ class NotAKnownInteger(Problem):
     what: str  # `array size`, `index`, `end of a range`
     text: str
     positive: bool = False
+    negative: bool = False  # it is known, and below zero
 
     def title(self) -> str:
+        if self.negative:
+            return f"{self.what} `{self.text}` is below 0"
         wanted = "a positive integer" if self.positive else "an integer known when compiling"
         return f"{self.what} `{self.text}` is not {wanted}"
 
@@ -100,10 +104,14 @@ class WrongArguments(Problem):
     function: str
     wanted: str
     given: tuple[str, ...]
+    advice: str | None = None
 
     def title(self) -> str:
         given = ", ".join(f"`{g}`" for g in self.given) or "nothing"
         return f"`{self.function}` takes {self.wanted}, got {given}"
+
+    def help(self) -> tuple[str, ...]:
+        return (self.advice,) if self.advice else ()
 
 
 @dataclass(frozen=True)

@@ -201,7 +201,13 @@ def _choice(expr: tree.Cond, env: Environment) -> Value:
     then, other = evaluate(expr.then, env), evaluate(expr.other, env)
     if then.shape != other.shape or (then.scalar == "bool") != (other.scalar == "bool"):
         raise Rejected(
-            TypeDiffers(expr.other.span, subject="the `then` branch", wanted=then.type, given=other.type)
+            TypeDiffers(
+                expr.other.span,
+                subject="the `then` branch",
+                wanted=then.type,
+                given=other.type,
+                other="the `else` branch",
+            )
         )
     if then.shape:
         test = env.sharing.value(scalar_of("bool", test), "condition").single

@@ -13,6 +13,7 @@ from hierc.compiler.collector import Rejected
 from hierc.compiler.expression import Apply, Expr, Number, Operator
 from hierc.compiler.resolve.errors import ModelTooLarge
 from hierc.compiler.shapes import matrices
+from hierc.compiler.shapes.advice import of_function
 from hierc.compiler.shapes.errors import MatrixTooLarge, NotAKnownInteger, WrongArguments
 from hierc.compiler.shapes.folding import constant
 from hierc.compiler.shapes.operations import Sharing, chained, inner_product
@@ -39,17 +40,17 @@ class Arguments:
     def span(self) -> Span:
         return self.call.span
 
-    def wrong(self, wanted: str) -> Rejected:
+    def wrong(self, wanted: str, advice: str | None = None) -> Rejected:
         """The problem that the arguments are not what is `wanted`."""
-        name = self.call.function.text
-        return Rejected(
-            WrongArguments(self.span, function=name, wanted=wanted, given=tuple(v.type for v in self.values))
-        )
+        name, given = self.call.function.text, tuple(v.type for v in self.values)
+        return Rejected(WrongArguments(self.span, function=name, wanted=wanted, given=given, advice=advice))
 
     def numbers(self, count: int) -> tuple[Value, ...]:
         """The arguments, if they are `count` scalar numbers."""
         if len(self.values) != count or any(v.shape != () or v.scalar == "bool" for v in self.values):
-            raise self.wrong("1 number" if count == 1 else f"{count} numbers")
+            name, fit = self.call.function.text, len(self.values) == count
+            advice = of_function(name, list(zip(self.call.args, self.values, strict=True))) if fit else None
+            raise self.wrong("1 number" if count == 1 else f"{count} numbers", advice)
         return self.values
 
     def shared(self) -> tuple[Value, ...]:
@@ -68,9 +69,7 @@ def call_callee(call: tree.Call, callee: Callee, values: tuple[Value, ...]) -> V
     if tuple(v.shape for v in values) != callee.shapes or any(v.scalar == "bool" for v in values):
         wanted = f"({', '.join(type_text('real', shape) for shape in callee.shapes)})"
         given = tuple(v.type for v in values)
-        raise Rejected(
-            WrongArguments(call.span, function=call.function.text, wanted=wanted, given=given)
-        )
+        raise Rejected(WrongArguments(call.span, function=call.function.text, wanted=wanted, given=given))
     scalars = tuple(e for v in values for e in v.elements)
     return scalar_of("real", Apply(call.span, "call", scalars, callee))
 
@@ -117,19 +116,14 @@ def _div(args: Arguments) -> Value:
 
 
 def _extreme(op: Operator) -> Callable[[Arguments], Value]:
-    """`min` and `max`: of a vector, or of two numbers or more."""
+    """`min` and `max`: of a vector or matrix, or of two numbers or more."""
 
     def function(args: Arguments) -> Value:
         values = args.values
-        if (
-            len(values) == 1
-            and len(values[0].shape) == 1
-            and values[0].elements
-            and values[0].scalar != "bool"
-        ):
+        if len(values) == 1 and values[0].shape and values[0].elements and values[0].scalar != "bool":
             return scalar_of(values[0].scalar, chained(op, values[0].elements, args.span))
         if len(values) < 2 or any(v.shape != () or v.scalar == "bool" for v in values):
-            raise args.wrong("a vector or at least 2 numbers")
+            raise args.wrong("a vector or matrix, or at least 2 numbers")
         elements = [v.single for v in values]
         return scalar_of(joined([v.scalar for v in values]), chained(op, elements, args.span))
 
@@ -263,7 +257,8 @@ def _sizes(args: Arguments, counts: tuple[int, ...], wanted: str) -> tuple[int, 
     for value, expr in zip(args.values, args.call.args, strict=True):
         size = constant(value.single) if value.scalar == "int" else None
         if size is None or size < 0:
-            raise Rejected(NotAKnownInteger(expr.span, what="size", text=expr.span.text))
+            below = size is not None
+            raise Rejected(NotAKnownInteger(expr.span, what="size", text=expr.span.text, negative=below))
         sizes.append(int(size))
     return tuple(sizes)
 

@@ -13,6 +13,7 @@ from functools import reduce
 from hierc.compiler.collector import Rejected
 from hierc.compiler.expression import Apply, Expr, Number, Operator
 from hierc.compiler.resolve.errors import ModelTooLarge
+from hierc.compiler.shapes.advice import of_operator
 from hierc.compiler.shapes.errors import NotACondition, OperandNotNumeric, OperandsDiffer
 from hierc.compiler.shapes.values import Scalar, Value, apply, is_leaf, joined, scalar_of
 from hierc.grammar import tree
@@ -81,11 +82,7 @@ _VERBS = {
 
 
 def _differ(node: tree.Binary, left: Value, right: Value) -> OperandsDiffer:
-    advice = None
-    if node.op == "*" and len(left.shape) == len(right.shape) == 1:
-        advice = f"write `dot({node.left.span.text}, {node.right.span.text})`, or `.*` for the product of each pair"
-    elif node.op == "/" and left.shape == right.shape:
-        advice = "write `./` to divide element by element"
+    advice = of_operator(node, left, right)
     verb = _VERBS.get(node.op, "compare")
     return OperandsDiffer(
         node.op_span, verb=verb, left=left.type, right=right.type, text=_shortened(node.span.text),
@@ -147,6 +144,8 @@ def _product(left: Value, right: Value, span: Span, sharing: Sharing) -> Value |
 
 def unknowns(matrix: Sequence[Expr], columns: Sequence[Sequence[Expr]], span: Span) -> tuple[Expr, ...]:
     """The solutions x of `matrix * x = column`, row by row, each an operation of its own."""
+    if (count := len(matrix) * len(columns)) > MAX_PRODUCT:
+        raise Rejected(ModelTooLarge(span, what=f"a solution of {count} multiplications", limit=MAX_PRODUCT))
     numbers = [Number(span, float(i)) for i in range(len(columns[0]))]
     return tuple(
         apply("solve", number, *matrix, *column, span=span) for number in numbers for column in columns

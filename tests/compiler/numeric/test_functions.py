@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from texts import Floats, differences, model_of, rates
+from texts import Floats, differences, model_of, rates, system
 
 FUNCTIONS = """
 func real[n] doubled(real[n] x) = [2*x[i] for i in 1..n];
@@ -75,7 +75,7 @@ CASES = [
     Case("A .* B", matrices, lambda A, B, s: A * B),
     Case("A ./ B", matrices, lambda A, B, s: A / B),
     Case("transpose(A)", matrices, lambda A, B, s: A.T),
-    Case("[sum(A), sum(B)]", matrices, lambda A, B, s: np.array([A.sum(), B.sum()])),
+    Case("[sum(A), min(B), max(A)]", matrices, lambda A, B, s: np.array([A.sum(), B.min(), A.max()])),
     Case("A*B", chain, lambda A, B, x: A @ B),
     Case("A*x", chain, lambda A, B, x: A @ x),
     Case("A*B*transpose(B)*x", chain, lambda A, B, x: A @ B @ B.T @ x),
@@ -163,3 +163,29 @@ def drawn(rng: np.random.Generator, shapes: dict[str, tuple[int, ...]]) -> dict[
         if value.ndim == 2 and value.shape[0] == value.shape[1]:
             values[name] = 0.25 * value + np.eye(len(value))[rng.permutation(len(value))]
     return values
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(3, 6), st.integers(0, 2**32 - 1))
+def test_equations_element_by_element(n: int, seed: int) -> None:
+    """`for`, slices and single elements on the left, `for` in algebraic equations: a rod that is heated at one end."""
+    text = f"""
+    agent Rod(real k = 0.7) {{
+      write real[{n}] T = zeros({n});
+      write real[{n},2] E = zeros({n}, 2);
+      write real[{n - 1}] flow;
+      alge {{ for i in 1..{n - 1} {{ flow[i] = k*(T[i] - T[i + 1]); }} }}
+      diff {{
+        T[1]' = 1 - flow[1];
+        for i in 2..{n - 1} {{ T[i]' = flow[i - 1] - flow[i]; }}
+        T[{n}]' = flow[{n - 1}] - T[{n}];
+        E[1..{n},1]' = T;
+        for i in 1..{n} {{ E[i,2]' = i*E[i,1]; }}
+      }}
+    }}"""
+    x = np.random.default_rng(seed).normal(size=3 * n)
+    t, e = x[:n], x[n:].reshape(n, 2)
+    between = 0.7 * (t[:-1] - t[1:])
+    wanted = np.concatenate([[1 - between[0]], between[:-1] - between[1:], [between[-1] - t[-1]]])
+    energy = np.stack([t, np.arange(1, n + 1) * e[:, 0]], axis=1)
+    np.testing.assert_allclose(system(text).rhs(0.0, x), [*wanted, *energy.ravel()], rtol=0, atol=1e-14)
