@@ -217,9 +217,7 @@ class _FormBuilder:
             names=names,
         )
 
-    def _places(
-        self, named: Keys, kind: Literal["out", "observed"]
-    ) -> tuple[dict[Key, Place], list[int]]:
+    def _places(self, named: Keys, kind: Literal["out", "observed"]) -> tuple[dict[Key, Place], list[int]]:
         """Where each scalar is found, and the values that must be computed for it: none for what may just be a state."""
         places: dict[Key, Place] = {}
         values: dict[int, int] = {}

@@ -216,3 +216,39 @@ def test_a_small_picture_names_what_is_read() -> None:
 def test_other_files_are_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["graph", "servo", "-o", str(tmp_path / "servo.txt")]) == 2
     assert "must end in .svg or .png or .pdf or .dot or .json" in capsys.readouterr().err
+
+
+PLATOON = """
+agent Lead() { write real v = 20; diff { v' = 1 - v; } }
+agent Car(real tau = 0.5) { read real ahead; write real v = 20; diff { v' = (ahead - v)/tau; } }
+agent Platoon() {
+  agent lead = Lead();
+  agent car[i in 1..10] = Car() [ahead := if i == 1 then lead.v else car[i - 1].v];
+  group each car;
+}
+"""
+
+
+def test_arrays_are_shown_once() -> None:
+    shown = diagram(model_named(PLATOON))
+    lines = to_text(shown, ASCII).splitlines()
+    assert lines[0].endswith(": 11 groups, 11 states")
+    assert [line.rstrip() for line in lines[2:]] == [
+        "   group       agent            states  1 2 3  reads",
+        "-" * 68,
+        "1  lead        lead: Lead            1  #",
+        "2  car[1]      car[1]: Car           1  x #    lead.v",
+        "3  car[2..10]  car[2..10]: Car     9x1  . x @  car[1].v, car[2..9].v",
+        "",
+        "Rows read columns: # own equations   @ the same, reading others of the array   x reads",
+    ]
+    assert '  n2 -> n2 [label="car[2..9].v"];' in to_dot(shown).splitlines()
+    counts = {agent["path"]: agent.get("count") for agent in json.loads(to_json(shown))["agents"]}
+    assert counts == {"lead": None, "car[1]": None, "car[2..10]": 9}
+
+
+def test_a_picture_tells_what_an_array_reads_of_itself() -> None:
+    from hierc.picture import draw
+
+    texts = [text.get_text() for text in draw(diagram(model_named(PLATOON)), None).axes[0].texts]
+    assert texts == ["1 state", "1 state", "v", "1 state each", "v", "v"]
