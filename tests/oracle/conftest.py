@@ -1,6 +1,7 @@
-"""Puts the helpers of this folder within reach of its tests."""
+"""Puts the helpers of this folder, and those for machine code, within reach of its tests."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parent / "runtime")]

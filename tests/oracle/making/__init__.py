@@ -1,0 +1,1 @@
+"""Makes valid models at random: units, expressions, functions, agents, files."""
