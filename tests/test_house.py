@@ -27,6 +27,16 @@ def test_every_package_is_listed() -> None:
     assert found == set(PROJECT["tool"]["setuptools"]["packages"])
 
 
+def test_every_data_file_is_shipped() -> None:
+    """What no pattern of `package-data` names works in an editable install and is missing from the wheel."""
+    patterns = PROJECT["tool"]["setuptools"]["package-data"]
+    for name, folder in FOLDERS.items():
+        shipped = {file for pattern in patterns.get(name, ()) for file in folder.glob(pattern)}
+        found = {file for file in folder.rglob("*") if file.is_file() and "__pycache__" not in file.parts}
+        code = {file for file in found if file.suffix in (".py", ".pyc")}
+        assert found - code - shipped - {folder / "README.md"} == set()
+
+
 def test_type_checking_sees_every_folder() -> None:
     links = {link.name: link.resolve() for link in (ROOT / "typing" / "hierc").iterdir()}
     assert links == {

@@ -121,19 +121,19 @@ def page(kind: type[Problem]) -> Page:
     return Page(kind.code, name_of(kind), kind.explanation, example, message)
 
 
-def message_of(source: SourceFile) -> str:
-    """What the compiler says of a model: all its problems as text."""
+def message_of(source: SourceFile, folder: Path = _FOLDER) -> str:
+    """What the compiler says of a model that stands in `folder`: all its problems as text."""
     from hierc.grammar.render import render
 
-    return "\n\n".join(render(problem) for problem in problems_of(source))
+    return "\n\n".join(render(problem) for problem in problems_of(source, folder))
 
 
-def problems_of(source: SourceFile) -> tuple[Problem, ...]:
-    """All problems of a model: its errors, or its warnings if it has none."""
+def problems_of(source: SourceFile, folder: Path = _FOLDER) -> tuple[Problem, ...]:
+    """All problems of a model that stands in `folder`: its errors, or its warnings if it has none."""
     from hierc.compiler.driver import check_source, compile_source
     from hierc.loader import placed
 
-    finder = placed(source, _FOLDER / source.name).finder
+    finder = placed(source, folder / source.name).finder
     try:
         warnings = check_source(source, reader=finder)
         if not warnings:

@@ -56,10 +56,23 @@ def where(block: Block) -> str:
     return f"{block.heading.replace(' ', '_')}-{block.line}"
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the data and the Python modules of the document, each under the name that its first line gives it."""
+    made = tmp_path_factory.mktemp("language")
+    for block in BLOCKS:
+        if block.kind in ("csv", "python") and (name := re.match(r"# ([\w.]+)", block.text)):
+            (made / name[1]).write_text(block.text, encoding="utf-8")
+    return made
+
+
 @pytest.mark.parametrize("block", MODELS, ids=where)
-def test_models_compile_without_warnings_and_evaluate(block: Block) -> None:
-    assert [problem.title() for problem in problems_of(block.source)] == []
-    reader = placed(block.source, DOCUMENT.with_name("model.hier")).finder
+def test_models_compile_without_warnings_and_evaluate(
+    block: Block, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(folder))
+    assert [problem.title() for problem in problems_of(block.source, folder)] == []
+    reader = placed(block.source, folder / "model.hier").finder
     model = run_module(compile_source(block.source, reader=reader).text, "model.hier").MODEL
     rates = model.rhs(0.0, model.initial())
     assert rates.size
@@ -67,10 +80,10 @@ def test_models_compile_without_warnings_and_evaluate(block: Block) -> None:
 
 
 @pytest.mark.parametrize("place", FAILING, ids=lambda place: where(BLOCKS[place]))
-def test_messages_are_what_hierc_prints(place: int, request: pytest.FixtureRequest) -> None:
+def test_messages_are_what_hierc_prints(place: int, folder: Path, request: pytest.FixtureRequest) -> None:
     block, shown = BLOCKS[place], BLOCKS[place + 1]
     assert shown.kind == "text"
-    message = message_of(block.source) + "\n"
+    message = message_of(block.source, folder) + "\n"
     if request.config.getoption("--accept"):
         _accept(block.text, shown.text, message)
     else:
@@ -169,3 +182,13 @@ def test_results_are_named_by_path() -> None:
     assert {variable.path for variable in model.plan.variables} >= {"a.y", "a.slope", "b.y", "b.slope"}
     assert model.initial()[model.states.index("a.y")] == 0.5
     assert set(model.plan.experiment.record) == {"a.y", "b.y", "b.slope"}
+
+
+def test_the_sled_is_compiled_in(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The document says of which functions it is true that they become machine code; its own is one."""
+    monkeypatch.syspath_prepend(str(folder))
+    (block,) = (b for b in MODELS if b.heading == "External functions")
+    model = run_module(compile_source(block.source).text, "model.hier").MODEL
+    (extern,) = model.plan.externs
+    assert not isinstance(extern.translation, str)
+    assert model.rhs(0.0, [1.0])[0] == pytest.approx(-(4 * np.tanh(36.0) + 0.3 * 3.6**2) / 5, rel=1e-14)
