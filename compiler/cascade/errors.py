@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from hierc.compiler.suggest import abbreviated
 from hierc.grammar.problems import Label, Problem
 from hierc.grammar.source import Span
 
@@ -92,15 +93,16 @@ class CyclicGroups(Problem):
 
     def title(self) -> str:
         names = [f"`{name}`" for name in self.groups]
-        reads = ", ".join(f"{name} reads `{text}`" for name, (text, _) in zip(names, self.reads, strict=True))
-        return f"groups {', '.join(names[:-1])} and {names[-1]} depend on each other ({reads})"
+        reads = [f"{name} reads `{text}`" for name, (text, _) in zip(names, self.reads, strict=True)]
+        shown = abbreviated(names)
+        return f"groups {', '.join(shown[:-1])} and {shown[-1]} depend on each other ({', '.join(abbreviated(reads))})"
 
     def labels(self) -> tuple[Label, ...]:
-        return tuple(
-            Label(span, f"`{name}` reads `{text}`")
-            for name, (text, span) in zip(self.groups, self.reads, strict=True)
-            if span != self.span
-        )
+        by_place = {
+            span: f"`{name}` reads `{text}`"
+            for name, (text, span) in reversed(list(zip(self.groups, self.reads, strict=True)))
+        }
+        return tuple(Label(span, text) for span, text in reversed(by_place.items()) if span != self.span)
 
     def help(self) -> tuple[str, ...]:
         one_group = "put them into one group, or read one direction only inside a `sample` block"

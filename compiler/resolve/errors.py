@@ -334,6 +334,10 @@ class Unused(Problem):
         "there for the results alone is recorded by an experiment."
     )
     name: str
+    private: bool  # a variable, not a `let`
 
     def title(self) -> str:
         return f"`{self.name}` is never used"
+
+    def help(self) -> tuple[str, ...]:
+        return ("if it is for the results alone, `record` it in an experiment",) if self.private else ()

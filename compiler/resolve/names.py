@@ -76,10 +76,12 @@ def check_names(library: Library, scope: Library, problems: Collector) -> None:
 
 def _warn_of_unused(agent: Agent, used: Set[str], problems: Collector) -> None:
     """A warning for each `let` and each private variable that nothing uses."""
-    private = (v for v in agent.variables.values() if v.decl.access == "private")
-    for name in (*(let.let.name for let in agent.lets.values()), *(v.declarator.name for v in private)):
-        if name.text not in used:
-            problems.add(Unused(name.span, name=name.text))
+    for name, let in agent.lets.items():
+        if name not in used:
+            problems.add(Unused(let.let.name.span, name=name, private=False))
+    for name, variable in agent.variables.items():
+        if variable.decl.access == "private" and name not in used:
+            problems.add(Unused(variable.span, name=name, private=True))
 
 
 def _recorded(library: Library) -> Iterator[str]:

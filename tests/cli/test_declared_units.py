@@ -16,7 +16,7 @@ from hierc.runtime.errors import SettingError
 COIL = """
 agent Coil(real te [ms] = 0.5 [ms], real i0 [A] = 2, real[2] arm [mm] = [3 [cm], 4 [mm]]) {
   write real i [mA] = i0;
-  private real[2] hand [mm];
+  write real[2] hand [mm];
   alge { hand = 2*arm; }
   diff { i' = -i/te; }
 }
