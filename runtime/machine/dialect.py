@@ -122,11 +122,11 @@ def largest(v: Lanes) -> float:
     return float(np.max(v))
 
 
-def select(mask: Any, a: Any, b: Any) -> Any:
-    """a where mask, else b; lane by lane."""
-    if isinstance(mask, bool | np.bool_):
-        return a if mask else b
-    return np.where(mask, a, b)
+def select(mask: Any, a: Lanes | float, b: Lanes | float) -> Lanes:
+    """a where mask, else b; lane by lane. Under CPython a lane may be just a number."""
+    chosen: Any = (a if mask else b) if isinstance(mask, bool | np.bool_) else np.where(mask, a, b)
+    lanes: Lanes = chosen
+    return lanes
 
 
 def any_lane(mask: Any) -> bool:
