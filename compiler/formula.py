@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isqrt
 from typing import assert_never
 
 import numpy as np
@@ -88,8 +89,19 @@ class Formulas:
         if expr.op in ("neg", "not"):
             text = ("-" if expr.op == "neg" else "not ") + self.text(expr.args[0], _SIGN)
             return f"({text})" if least > (4 if expr.op == "neg" else 0) else text
+        if expr.op == "solve":
+            return self._unknown(expr)
         name = expr.callee.name if expr.callee else "div" if expr.op == "quotient" else expr.op
         return f"{name}({', '.join(self.text(arg) for arg in expr.args)})"
+
+    def _unknown(self, expr: Apply) -> str:
+        """One unknown of a system: `solve([[a, b], [c, d]], [e, f])[1]`."""
+        number, *system = expr.args
+        n = isqrt(len(system))  # n*n + n is less than (n + 1)^2
+        rows = [", ".join(self.text(e) for e in system[k * n : (k + 1) * n]) for k in range(n + 1)]
+        matrix = ", ".join(f"[{row}]" for row in rows[:n])
+        place = int(number.value) + 1 if isinstance(number, Number) else 0
+        return f"solve([{matrix}], [{rows[n]}])[{place}]"
 
 
 def number_text(value: float) -> str:
