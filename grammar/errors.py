@@ -14,7 +14,10 @@ from hierc.grammar.source import Span
 @dataclass(frozen=True)
 class UnexpectedCharacter(Problem):
     code = "E101"
-    explanation = "Signs that the language does not use stand only in comments, strings and units."
+    explanation = (
+        "Signs that the language does not use stand only in comments, strings and units. Operators are `+ - * / ^ .* ./`, comparisons "
+        "`< <= > >= == !=`, logic `and or not`, choices `if … then … else …`; comments begin with `//` or stand between `/*` and `*/`."
+    )
 
     text: str
     advice: tuple[str, ...] = ()
@@ -35,7 +38,10 @@ class UnexpectedCharacter(Problem):
 @dataclass(frozen=True)
 class StrangeName(Problem):
     code = "E106"
-    explanation = "Letters beyond ASCII are easily confused, and some tools silently change them."
+    explanation = (
+        "Names are made of the letters A to Z and a to z, digits and `_`. Letters beyond ASCII are easily confused, and some tools silently "
+        "change them. Units may have `µ`, `Ω` and `°`, comments and strings everything."
+    )
 
     #: The same in ASCII letters, where that can be told.
     instead: str = ""
@@ -54,7 +60,8 @@ class StrangeName(Problem):
 class ReservedWord(Problem):
     code = "E102"
     explanation = (
-        "The words of the language are reserved everywhere, so that a model reads the same in every place."
+        "The words of the language are reserved everywhere, so that a model reads the same in every place. "
+        "Only `level`, `offset`, `table`, `record`, `save`, `history` and `each` may also be names."
     )
 
     word: str
@@ -72,7 +79,7 @@ class ReservedWord(Problem):
 @dataclass(frozen=True)
 class UnclosedString(Problem):
     code = "E103"
-    explanation = "A string ends on the line it begins on."
+    explanation = 'A string stands between two `"` on one line: the name of a file, or the message of an `inv`. A `"` inside is written `\\"`.'
 
     def title(self) -> str:
         return "string is not closed on this line"
@@ -141,11 +148,14 @@ class NumberOutOfRange(Problem):
 
 
 @dataclass(frozen=True)
-class UnexpectedToken(Problem):
+class UnexpectedText(Problem):
     """The general form. `expected` is in words and empty where the token is only in the way; so is `after` at the start."""
 
     code = "E110"
-    explanation = "The text does not follow the grammar at this place."
+    explanation = (
+        "The text does not follow the grammar at this place: the message says what could stand there, and shows the form of the statement. "
+        "What comes before it could be read, so the slip is there or shortly before."
+    )
 
     expected: str
     after: str
@@ -177,7 +187,7 @@ class UnexpectedToken(Problem):
 @dataclass(frozen=True)
 class MissingSemicolon(Problem):
     code = "E111"
-    explanation = "Every statement ends with `;`; line breaks mean nothing."
+    explanation = "Every statement ends with `;`. Line breaks mean nothing, so that a long equation may go on over several lines."
 
     def title(self) -> str:
         return "missing `;`"
@@ -192,7 +202,7 @@ class MissingSemicolon(Problem):
 @dataclass(frozen=True)
 class UnclosedBrace(Problem):
     code = "E112"
-    explanation = "Every `{` needs a `}` of its own."
+    explanation = "Every `{` needs a `}` of its own. Which one lacks it is guessed from the indentation, and from what cannot stand inside."
 
     seen: Span
     seen_as: str
@@ -248,7 +258,10 @@ class EquationSign(Problem):
 @dataclass(frozen=True)
 class MisplacedUnit(Problem):
     code = "E115"
-    explanation = "The unit of an expression follows from its parts."
+    explanation = (
+        "A unit says what a number or a declared variable is measured in. That of an expression follows from its parts, so there is no place for "
+        "another; multiply by `1 [m]` to give one to a plain number."
+    )
 
     #: What it follows, as far as that can be told.
     operand: Span | None = None
@@ -305,7 +318,10 @@ class SecondDerivative(Problem):
 @dataclass(frozen=True)
 class ChainedComparison(Problem):
     code = "E116"
-    explanation = "A comparison is true or false, and truth is not compared with a number."
+    explanation = (
+        "A comparison is true or false, and truth is not compared with a number: `0 < x < 1` would ask whether `true < 1`. Join two "
+        "comparisons by `and`."
+    )
 
     instead: str
     #: All of the chain that `instead` replaces.
@@ -338,7 +354,7 @@ class NestedTooDeeply(Problem):
 @dataclass(frozen=True)
 class HalfAUnit(Problem):
     code = "E119"
-    explanation = "A unit stands in brackets after a declared name or a number."
+    explanation = "A unit stands in brackets after a declared name or a number, `write real v [m/s] = 2 [km/h];`, so that it is never taken for a variable."
 
     unit: str
     #: What to write, where more than the unit is shown, with its edits.
@@ -353,40 +369,6 @@ class HalfAUnit(Problem):
 
     def edits(self) -> tuple[Edit, ...]:
         return self.replacement or in_place_of(self.span, f"[{self.unit}]")
-
-
-# ---- habits of other languages ------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class CharonDerivative(Problem):
-    code = "E190"
-    explanation = "CHARON writes `d(x) == v`; here a derivative is `x'`, and equations use `=`."
-
-    variable: str
-
-    def title(self) -> str:
-        return f"`d({self.variable}) == …` is CHARON's form"
-
-    def help(self) -> tuple[str, ...]:
-        return (f"write `{self.variable}' = …;`",)
-
-    def edits(self) -> tuple[Edit, ...]:
-        return in_place_of(self.span, f"{self.variable}' =")
-
-
-@dataclass(frozen=True)
-class CharonControlPoint(Problem):
-    code = "E191"
-    explanation = (
-        "CHARON's modes have entry and exit points; here a mode is entered whole or at one of its submodes."
-    )
-
-    def title(self) -> str:
-        return "`entry`/`exit` points are not part of hierc"
-
-    def help(self) -> tuple[str, ...]:
-        return ("use `init mode` and `trans from … to …`",)
 
 
 @dataclass(frozen=True)
@@ -410,40 +392,6 @@ class MisplacedStatement(Problem):
 
     def edits(self) -> tuple[Edit, ...]:
         return self.replacement
-
-
-@dataclass(frozen=True)
-class ModelicaForm(Problem):
-    code = "E192"
-    explanation = "Modelica's acausal connectors and classes have no counterpart: data flow here has a direction, and levels an order."
-
-    word: str
-    instead: str
-    replacement: tuple[Edit, ...] = ()
-
-    def title(self) -> str:
-        return f"`{self.word}` is Modelica"
-
-    def help(self) -> tuple[str, ...]:
-        return (self.instead,)
-
-    def edits(self) -> tuple[Edit, ...]:
-        return self.replacement
-
-
-@dataclass(frozen=True)
-class CharonForm(Problem):
-    code = "E193"
-    explanation = "A variable is written by its own agent only, and agents are joined by couplings."
-
-    word: str
-    instead: str
-
-    def title(self) -> str:
-        return f"`{self.word}` is CHARON's and not part of hierc"
-
-    def help(self) -> tuple[str, ...]:
-        return (self.instead,)
 
 
 # ---- files --------------------------------------------------------------------------------------

@@ -200,7 +200,7 @@ def general(
     edits: tuple[Edit, ...] = (),
 ) -> Problem:
     """`expected … after …, found …`, with the form of the statement where there is no better advice."""
-    return errors.UnexpectedToken(
+    return errors.UnexpectedText(
         at.place,
         wanted or expected(at),
         "" if at.previous is None else str(at.previous),

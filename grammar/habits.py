@@ -10,7 +10,7 @@ import re
 
 from lark import Token
 
-from hierc.grammar import errors
+from hierc.grammar import errors, foreign_errors
 from hierc.grammar.forms import block, general, on_to_the_brace
 from hierc.grammar.situation import Repair, Rule, Situation
 from hierc.grammar.source import Span
@@ -195,9 +195,11 @@ def _derivative_call(at: Situation) -> Repair | None:
         return None
     place = Span(at.source, *match.span())
     if previous == "d":
-        return Repair(errors.CharonDerivative(place, match[2]), ("PRIME", "_EQUAL"), match.end(), sure=True)
+        return Repair(
+            foreign_errors.CharonDerivative(place, match[2]), ("PRIME", "_EQUAL"), match.end(), sure=True
+        )
     edits = at.edit(f"{match[2]}' =", *match.span())
-    problem = errors.ModelicaForm(place, "der", f"write `{match[2]}' = …;`", edits)
+    problem = foreign_errors.ModelicaForm(place, "der", f"write `{match[2]}' = …;`", edits)
     return Repair(problem, ("PRIME", "_EQUAL"), match.end(), sure=True)
 
 
@@ -283,12 +285,12 @@ def _foreign_word(at: Situation) -> Repair | None:
     if not begins and word != "extends":
         return None
     if word in ("entry", "exit"):
-        return Repair(errors.CharonControlPoint(at.place), None, at.start)
+        return Repair(foreign_errors.CharonControlPoint(at.place), None, at.start)
     if word in _MODELICA:
-        modelica = errors.ModelicaForm(at.place, word, _MODELICA[word])
+        modelica = foreign_errors.ModelicaForm(at.place, word, _MODELICA[word])
         return on_to_the_brace(at, modelica) or Repair(modelica, None, at.start)
     if word in _CHARON:
-        return Repair(errors.CharonForm(at.place, word, _CHARON[word]), None, at.start)
+        return Repair(foreign_errors.CharonForm(at.place, word, _CHARON[word]), None, at.start)
     if word in _OTHERS and at.found.type == "NAME" and not at.fits("NAME"):
         problem = general(at, (_OTHERS[word],))
         return Repair(problem, None, _behind_head(at), sure=True)

@@ -342,7 +342,7 @@ def _in_the_way(at: Situation) -> Repair | None:
 def _in_excess(at: Situation, *, sure: bool) -> Repair:
     after = "" if at.previous is None else str(at.previous)
     found = words.found(at.found.type, at.found)
-    problem = errors.UnexpectedToken(at.place, "", after, found, ("remove it",), replacement=at.removal())
+    problem = errors.UnexpectedText(at.place, "", after, found, ("remove it",), replacement=at.removal())
     return Repair(problem, (), at.stop, sure)
 
 

@@ -87,7 +87,7 @@ def problem_kinds() -> dict[str, type[Problem]]:
     """Every class of problems by its code, in the order of the numbers."""
     for package in ("hierc.grammar", "hierc.compiler"):
         for module in walk_packages(import_module(package).__path__, f"{package}."):
-            if module.name.rpartition(".")[2] in ("errors", "unsupported"):
+            if module.name.endswith(("errors", ".unsupported")):
                 import_module(module.name)
     ours = (kind for kind in _below(Problem) if kind.__module__.startswith("hierc."))
     kinds = (kind for kind in ours if isinstance(vars(kind).get("code"), str))

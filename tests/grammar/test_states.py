@@ -138,7 +138,7 @@ def assert_is_placed(case: Case, problem: Problem) -> None:
 
 
 def assert_is_specific(case: Case, problem: Problem) -> None:
-    if not isinstance(problem, errors.UnexpectedToken):
+    if not isinstance(problem, errors.UnexpectedText):
         assert problem.title()
         return
     if not problem.expected:
