@@ -152,7 +152,10 @@ class Finder:
         """Modules in the folders where a file was looked for, and all of std."""
         prefix, _, _ = module.rpartition(".")
         for place in places:
-            for file in islice((place.folder / prefix.replace(".", "/")).glob("*.hier"), _LISTED):
+            folder = Path(os.path.realpath(place.folder / prefix.replace(".", "/")))
+            if not folder.is_relative_to(place.folder):
+                continue  # a link that leads out
+            for file in islice(folder.glob("*.hier"), _LISTED):
                 yield f"{prefix}.{file.stem}" if prefix else file.stem
         yield from (f"std.{file.stem}" for file in (self._library / "std").glob("*.hier"))
 
@@ -163,8 +166,10 @@ class Finder:
         from hierc.compiler.imports.modules import Refused
 
         real = Path(os.path.realpath(path))
-        if real in self._by_path:
-            return self._by_path[real]
+        known = self._by_path.get(real)
+        if known is not None:
+            self.seen[str(path)] = digest(known.text)
+            return known
         if not (place.library or real.is_relative_to(os.path.realpath(place.folder))):
             return Refused(file, "it is a link that leads out of the folder")
         if real.suffix != ".hier":

@@ -184,6 +184,15 @@ def test_links_to_nothing_and_to_other_kinds_of_files(tmp_path: Path) -> None:
     refused(tmp_path)
 
 
+def test_advice_does_not_look_outside(tmp_path: Path) -> None:
+    put(tmp_path, outside__secrets="")
+    put(tmp_path / "project", main="import parts.secret;\nagent A() { write real x = 0; diff { x' = 1; } }")
+    (tmp_path / "project" / "parts").symlink_to(tmp_path / "outside")
+    (problem,) = problems_of(str(tmp_path / "project" / "main.hier"))
+    assert problem.code == "E901"
+    assert problem.help() == ()
+
+
 def test_what_is_no_file(tmp_path: Path) -> None:
     parts = tmp_path / "project" / "parts"
     (parts / "wheel.hier").mkdir(parents=True)
@@ -234,6 +243,21 @@ def test_every_file_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         compiled(model)
     monkeypatch.setenv("HIERC_PATH", str(tmp_path / "path"))
     assert speed(model) == 1
+
+
+@pytest.mark.usefixtures("cache")
+def test_every_name_of_a_file_counts(tmp_path: Path) -> None:
+    """Two links to one file: it is read once, and noticed when the second leads elsewhere."""
+    put(tmp_path, main="import p; import q; agent T() { agent a = p.Wheel(); agent b = q.Wheel(); }")
+    put(tmp_path, one=wheel(1), two=wheel(2))
+    for name in ("p", "q"):
+        (tmp_path / f"{name}.hier").symlink_to("one.hier")
+    model = hierc.load(tmp_path / "main.hier")
+    assert model.rhs(0.0, [0.0, 0.0]).tolist() == [1, 1]
+    assert [c.name for c in model.plan.classes] == ["p.Wheel"]
+    (tmp_path / "q.hier").unlink()
+    (tmp_path / "q.hier").symlink_to("two.hier")
+    assert hierc.load(tmp_path / "main.hier").rhs(0.0, [0.0, 0.0]).tolist() == [1, 2]
 
 
 @pytest.mark.usefixtures("cache")

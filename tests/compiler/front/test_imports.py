@@ -204,6 +204,13 @@ def test_long_chains_and_long_sums() -> None:
     assert codes(main, **chain(MAX_FILES - 1)) == ["E915"]
 
 
+def test_the_deepest_nesting() -> None:
+    deep = f"{'abs(' * 98}k{')' * 98}"
+    other = f"const real k = 2; func real f(real k) = {deep}; agent B() {{ write real x = 0; diff {{ x' = {deep}; }} }}"
+    main = "import other; agent A() { agent b = other.B(); write real y = 1; diff { y' = other.f(3); } }"
+    assert sorted(rates(compiled(main, other=other))) == [2, 3]
+
+
 def test_a_circle_of_many_files() -> None:
     files = chain(MAX_FILES - 2) | {f"f{MAX_FILES - 2}": "import f0;"}
     assert codes("import f0; agent A() { write real x = f0.c; diff { x' = 1; } }", **files) == ["E902"]
