@@ -13,11 +13,13 @@ import hierc
 from hierc import loader
 from hierc.cli import main
 from hierc.compiler.driver import check_source
+from hierc.compiler.imports import errors
 from hierc.finder import Finder
 from hierc.grammar.problems import ModelError, Problem
 from hierc.grammar.render import render_all
 from hierc.grammar.source import SourceFile
 
+COMPILER = Path(__file__).parents[1] / "compiler" / "front" / "test_imports.py"
 CASES = sorted(folder for folder in (Path(__file__).parent / "imports").iterdir() if folder.is_dir())
 
 
@@ -38,6 +40,13 @@ def test_wording(case: Path, request: pytest.FixtureRequest, monkeypatch: pytest
     if request.config.getoption("--accept"):
         expected.write_text(shown, encoding="utf-8")
     assert shown == expected.read_text(encoding="utf-8")
+
+
+def test_every_problem_with_imports_is_met_here() -> None:
+    told = "".join((case / "expected.txt").read_text(encoding="utf-8") for case in CASES)
+    codes = {kind.code for kind in vars(errors).values() if isinstance(kind, type) and hasattr(kind, "code")}
+    here = "".join(file.read_text(encoding="utf-8") for file in (Path(__file__), COMPILER))
+    assert [code for code in codes if f"[{code}]" not in told and f'"{code}"' not in here] == []
 
 
 # ---- places --------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ import pytest
 from hierc.compiler import unsupported
 from hierc.compiler.arrays import errors as array_errors
 from hierc.compiler.front import analyse
+from hierc.compiler.imports import errors as import_errors
 from hierc.compiler.resolve import errors as name_errors
 from hierc.compiler.structure import errors as experiment_errors
 from hierc.grammar.parser import parse
@@ -20,7 +21,7 @@ from hierc.grammar.render import render_all
 from hierc.grammar.source import SourceFile
 
 CASES = sorted((Path(__file__).parent / "problems").glob("*.hier"))
-PHASES = ("callees", "resolve", "shapes", "units", "equations", "cascade", "structure")
+PHASES = ("callees", "imports", "resolve", "shapes", "units", "equations", "cascade", "structure")
 
 
 def problems_of(text: str, name: str = "test.hier", **choice: object) -> tuple[Problem, ...]:
@@ -68,5 +69,8 @@ def test_every_problem_has_a_case() -> None:
         name_errors.NestedTooDeeply.code,
         array_errors.CountsDiffer.code,
     }
+    elsewhere |= {
+        kind.code for kind in kinds_of_problems() if kind.__module__ == import_errors.__name__
+    }  # tests/cli
     covered = {case.stem[:4].upper() for case in CASES} | elsewhere
     assert {kind.code for kind in kinds_of_problems()} - covered == set()
