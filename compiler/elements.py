@@ -41,9 +41,15 @@ class Elements:
             return [(block, index) for index in np.unique(source.index.values).tolist()]
         blocks = self.blocks(source.node.values)
         if isinstance(source.index, int):
-            return [(block, source.index) for block in np.unique(blocks).tolist()]
+            return [(block, source.index) for block in distinct(blocks).tolist()]
         pairs = np.unique(np.stack([blocks, expanded(source.index, count)]), axis=1)
         return [(block, index) for block, index in pairs.T.tolist()]
+
+
+def distinct(values: Integers) -> Integers:
+    """The different integers of a column, ascending: as np.unique, but nothing is sorted that stands in order."""
+    heads = values[np.flatnonzero(np.diff(values, prepend=values[0] - 1))]
+    return heads if (heads[1:] > heads[:-1]).all() else np.unique(heads)
 
 
 # ---- names ----------------------------------------------------------------------------------
@@ -53,7 +59,7 @@ def spelled(path: str, indices: Sequence[Index]) -> str:
     """What a reader calls elements: `car[].engine` with the indices 2, 3, 4 is `car[2..4].engine`."""
     pieces = path.split("[]")
     columns = [
-        np.unique(i.values) if isinstance(i, Column) else np.array([i], np.int64)
+        distinct(i.values) if isinstance(i, Column) else np.array([i], np.int64)
         for i in indices[: len(pieces) - 1]
     ]
     text = pieces[0] + "".join(

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from hierc.compiler.columns import Index, column, expanded
-from hierc.compiler.elements import Elements
+from hierc.compiler.elements import Elements, distinct
 from hierc.compiler.model import Model, Source
 from hierc.compiler.symbolic.derive import Place, Symbolic
 
@@ -42,12 +42,14 @@ class Places:
         indices = expanded(source.index, count)
         blocks = self.elements.blocks(expanded(source.node, count))
         width = int(indices.max()) + 1
-        codes, inverse = np.unique(blocks * width + indices, return_inverse=True)
-        found = [self._place(table, source.kind, *divmod(code, width)) for code in codes.tolist()]
+        codes = blocks * width + indices
+        different = distinct(codes)
+        found = [self._place(table, source.kind, *divmod(code, width)) for code in different.tolist()]
         kinds = {kind for kind, _ in found}
         if len(kinds) > 1:
             raise ValueError(f"elements find {source} in different kinds of places")
-        return source.node, kinds.pop(), column(np.array([index for _, index in found])[inverse])
+        places = np.array([index for _, index in found])[np.searchsorted(different, codes)]
+        return source.node, kinds.pop(), column(places)
 
     def _place(self, table: Literal["channels", "records"], kind: _Kind, block: int, index: int) -> Place:
         form = self._symbolic.forms[self._symbolic.kinds[block]]

@@ -2,6 +2,7 @@
 
 import ast
 import math
+import sys
 from dataclasses import replace
 from functools import partial
 
@@ -237,6 +238,32 @@ def test_the_text_does_not_grow_with_the_elements(make):
     few, many = generate(make(10)), generate(make(1000))
     assert len(many) < 1.1 * len(few)
     assert ast.dump(ast.parse(few)).count("FunctionDef(") == ast.dump(ast.parse(many)).count("FunctionDef(")
+
+
+def calls(model):
+    """How many functions are called to generate a model's code."""
+    count = 0
+
+    def note(_frame, event, _argument):
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    sys.setprofile(note)
+    try:
+        generate(model)
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+@pytest.mark.parametrize(
+    "make", [models.platoon, models.rod, models.train, models.robots, lambda n: models.platoon(n, each=False)]
+)
+def test_the_work_does_not_grow_with_the_elements(make):
+    """Apart from operations on whole columns."""
+    few, many = make(10), make(10_000)
+    generate(few)  # what is done once a process
+    assert calls(many) < 1.1 * calls(few)
 
 
 def test_columns_without_a_rule_are_packed():

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from oracle import integers
 
 from hierc.compiler.columns import Column
-from hierc.compiler.elements import Elements, ranges, spelled
+from hierc.compiler.elements import Elements, distinct, ranges, spelled
 from hierc.compiler.emission import packing
 from hierc.compiler.emission.runs import Run, members
 from hierc.compiler.emission.sequence import Circular, Link, sequence
@@ -160,6 +160,12 @@ def test_elements_know_their_blocks():
     assert elements.touched(Source(Column([0, 1, 2]), "state", 4), 3) == [(0, 4), (1, 4)]
     assert elements.touched(Source(Column([0, 1, 2]), "state", Column([4, 3, 3])), 3) == [(0, 4), (1, 3)]
     assert elements.touched(Source(6, "state", Column([4, 3, 4])), 3) == [(2, 3), (2, 4)]
+
+
+@LIMITS
+@given(st.lists(st.integers(-3, 3), min_size=1) | st.lists(numbers, min_size=1).map(sorted))
+def test_distinct_integers(values):
+    assert distinct(np.array(values)).tolist() == sorted(set(values))
 
 
 @LIMITS
