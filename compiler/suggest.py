@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Sequence
 from itertools import combinations
 
 from hierc.grammar.problems import Edit, closest
@@ -61,3 +61,15 @@ def import_edits(span: Span | None, name: str, module: str | None) -> tuple[Edit
 def listed(names: Iterable[str]) -> str:
     """Names in backquotes, with commas."""
     return ", ".join(f"`{name}`" for name in names)
+
+
+#: Steps of a closed path that a message spells out.
+SPELLED_STEPS = 6
+
+
+def abbreviated(parts: Sequence[str]) -> list[str]:
+    """The steps of a closed path; of a long one the first few and the last, with how many are between."""
+    if len(parts) <= SPELLED_STEPS:
+        return list(parts)
+    kept = list(parts[: SPELLED_STEPS - 2])
+    return [*kept, f"… ({len(parts) - len(kept) - 1} more)", parts[-1]]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from hierc.compiler.suggest import abbreviated
 from hierc.grammar.problems import Edit, Label, Problem
 from hierc.grammar.source import Span
 
@@ -124,11 +126,11 @@ class AlgebraicLoop(Problem):
     steps: tuple[LoopStep, ...]
 
     def title(self) -> str:
-        parts = (f"`{s.user}` uses `{s.used}` (l. {s.span.line})" for s in self.steps)
-        return f"algebraic loop: {', '.join(parts)}"
+        parts = [f"`{s.user}` uses `{s.used}` (l. {s.span.line})" for s in self.steps]
+        return f"algebraic loop: {', '.join(abbreviated(parts))}"
 
     def labels(self) -> tuple[Label, ...]:
-        return tuple(Label(s.span, f"`{s.user}` uses `{s.used}`") for s in self.steps if s.span != self.span)
+        return _labels(self, self.steps, "uses")
 
 
 @dataclass(frozen=True)
@@ -142,13 +144,20 @@ class InitialLoop(Problem):
             return f"the initial value of `{self.steps[0].user}` needs itself"
         names = [f"`{s.user}`" for s in self.steps]
         listing = f"{', '.join(names[:-1])} and {names[-1]}"
-        path = " -> ".join([*names, names[0]])
+        path = " -> ".join([*abbreviated(names), names[0]])
+        listing = (
+            listing if len(names) == len(abbreviated(names)) else f"{names[0]} and {len(names) - 1} more"
+        )
         return f"the initial values of {listing} need each other ({path})"
 
     def labels(self) -> tuple[Label, ...]:
-        return tuple(
-            Label(s.span, f"`{s.user}` starts from `{s.used}`") for s in self.steps if s.span != self.span
-        )
+        return _labels(self, self.steps, "starts from")
+
+
+def _labels(problem: Problem, steps: Sequence[LoopStep], verb: str) -> tuple[Label, ...]:
+    """A label at every place of a closed path; elements of an array share theirs."""
+    by_place = {s.span: f"`{s.user}` {verb} `{s.used}`" for s in reversed(steps)}
+    return tuple(Label(span, text) for span, text in reversed(by_place.items()) if span != problem.span)
 
 
 @dataclass(frozen=True)
