@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import pytest
 
 from hierc.compiler.driver import compile_source
+from hierc.compiler.dump import dump_model
 from hierc.compiler.front import analyse
 from hierc.compiler.imports.modules import MAX_FILES, Missing, file_of
 from hierc.grammar.parser import parse
@@ -156,6 +157,29 @@ def test_subscripts_and_vectors_of_other_files() -> None:
         """,
     )
     assert rates(model) == [12, 5, 12]
+
+
+def test_arrays_of_imported_agents() -> None:
+    """An index hides a constant of another file as it hides one of its own."""
+    cars = """
+        const real gap = 10;
+        const real i = 100;
+        agent Car(real x0 = 0) { read real lead; write real x = x0; diff { x' = lead - x - gap; } }
+        agent Fleet(int n) {
+          read real lead;
+          agent c[i in 1..n] = Car(x0 = -gap*i) [lead := if i == 1 then lead else c[i - 1].x];
+        }
+    """
+    top = """
+        agent Top() {{
+          agent car[i in 1..4] = {0}Car(x0 = i*{0}gap) [lead := if i == 1 then {0}gap else car[i - 1].x];
+          agent f = {0}Fleet(n = 3) [lead := i];
+        }}
+    """
+    one = analyse(parse(SourceFile("main.hier", cars + top.format(""))))
+    files = Files({"main": f"import cars as m; from cars import i; {top.format('m.')}", "cars": cars})
+    two = analyse(parse(files.files["main.hier"]), reader=files)
+    assert dump_model(two).replace("cars.", "") == dump_model(one)
 
 
 def test_importers_see_only_what_they_import() -> None:
