@@ -21,12 +21,12 @@ from tables import markdown
 
 import hierc
 from hierc.runtime.contract import Group, Plan
+from hierc.runtime.elements import expand
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array, Lanes, outlined
 from hierc.runtime.machine.forms import wire
 from hierc.runtime.machine.unit import Loaded, Unit, compile_object, parse_function
 from hierc.runtime.model import Model
-from hierc.runtime.system import order_parts, read_by
 
 _COUNT = 200_000
 _LANES = (2, 8)
@@ -83,7 +83,7 @@ def _machine_code(model: Model, lanes: int) -> float:
     arrays = [
         np.full(lanes, 0.37),
         np.repeat(model.initial(), lanes),
-        np.array([value for node in wiring.values for value in system.values[node]]),
+        system.values_of(wiring.values[0]),
         np.zeros(composer.form.states * lanes),
         np.zeros(max(composer.saved, 1) * lanes),
     ]
@@ -117,11 +117,12 @@ def _evaluations(
 
 def one_group(plan: Plan) -> Plan:
     """The same equations with all states in one group."""
-    nodes = tuple(node for group in plan.groups for node in group.nodes)
-    derivatives = [(node, -1) for node in nodes]
-    read = [source for call in derivatives for source in read_by(plan, *call)]
-    outs = order_parts(plan, [(node, k) for node, kind, k in read if kind == "out"], lambda _: True)
-    return replace(plan, groups=(Group("all", nodes, (*outs, *derivatives)),))
+    elements = expand(plan)
+    nodes: list[int] = elements.order.tolist()
+    read = [source for node in nodes for source in elements.read_by(node, -1)]
+    outs = elements.order_parts([(node, k) for node, kind, k in read if kind == "out"], lambda _: True)
+    calls = (*outs, *((node, -1) for node in nodes))
+    return replace(plan, groups=(Group("all", tuple(nodes), calls),), order=None)
 
 
 def _hand_written(case: Case, python: Path, peers: Path, problems: Path) -> float:

@@ -50,7 +50,7 @@ def kernel(m: Model, method: str, stop: float) -> tuple[float, float, int, Piece
     best = float("inf")
     for _ in range(9):
         run = Simulation(
-            m.engine, m.system(), group_settings(m.plan, m.engine.wiring, settings, {}), 0.0, stop
+            m.engine, m.system(), group_settings(m.engine.elements, m.engine.wiring, settings, {}), 0.0, stop
         )
         began = time.perf_counter()
         assert run.advance().ok

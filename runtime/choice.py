@@ -68,16 +68,19 @@ class Probe:
     tolerance: float
 
 
-def choose(probe: Probe) -> str:
-    """The method of least predicted cost a second, the favourite unless another is clearly cheaper."""
-    radius = 0.0
-    if _cheapest(probe, radius) in EXPLICIT:  # as long as nothing bounds its step
-        radius = probe.spectral_radius()
-    return _cheapest(probe, radius)
+def choose(*probes: Probe) -> str:
+    """The method of least predicted cost a second, the favourite unless another is clearly cheaper; for all groups that the probes stand for."""
+    radii = [0.0] * len(probes)
+    if _cheapest(probes, radii) in EXPLICIT:  # as long as nothing bounds its step
+        radii = [probe.spectral_radius() for probe in probes]
+    return _cheapest(probes, radii)
 
 
-def _cheapest(probe: Probe, radius: float) -> str:
-    costs = {name: predicted_cost(name, probe, radius) for name in COSTS}
+def _cheapest(probes: Sequence[Probe], radii: Sequence[float]) -> str:
+    costs = {
+        name: sum(predicted_cost(name, probe, radius) for probe, radius in zip(probes, radii, strict=True))
+        for name in COSTS
+    }
     best = min(costs, key=lambda name: costs[name])
     return best if costs[best] < CLEARLY * costs[FAVOURITE] else FAVOURITE
 

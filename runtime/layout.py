@@ -12,99 +12,124 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime import records
-from hierc.runtime.contract import Plan
+from hierc.runtime.elements import Elements, spread
 from hierc.runtime.machine.dialect import RecordArray, aligned
 from hierc.runtime.machine.forms import Wiring
-from hierc.runtime.machine.program import Program
+from hierc.runtime.machine.program import Pieces, Program
 from hierc.runtime.methods.catalogue import METHODS
+from hierc.runtime.methods.method import Method
 from hierc.runtime.segments import HEADER
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 #: Doubles in a line of the processor's cache: what each group's part of an array is rounded up to.
 _LINE = 8
+#: Arrays that the groups' records point into.
+_ARRAYS = ("x", "p", "absolute", "u", "work")
+
+
+def cohorts(wiring: Sequence[Wiring], labels: Integers) -> list[tuple[int, int, Integers]]:
+    """The groups that share a wiring and a label (label[place]): (number of the wiring, label, their rows in it)."""
+    found = []
+    for number, w in enumerate(wiring):
+        own = labels[w.places]
+        found += [(number, int(label), np.flatnonzero(own == label)) for label in np.unique(own)]
+    return found
 
 
 class Layout:
     """Group records with everything that no run changes; where a run's own numbers go.
 
     `records` holds byte offsets in place of addresses. `states`, `values` and `scales` say where in the arrays `x`, `p` and `absolute` the state
-    vector, the nodes' values laid end to end (`value_nodes`), and the states' error scales go. `strides` counts the doubles of each group's segments.
+    vector, the elements' values laid end to end (`value_elements`), and the states' error scales go. `strides` counts the doubles of each group's
+    segments. Groups of one form whose method keeps nothing between steps share one place to work.
     """
 
     def __init__(
-        self, plan: Plan, wiring: Sequence[Wiring], methods: Sequence[str], program: Program
+        self, elements: Elements, wiring: Sequence[Wiring], methods: Sequence[str], program: Program
     ) -> None:
-        self.records = RecordArray(records.Group, len(wiring))
-        self.value_nodes = [node for w in wiring for node in w.values]
-        forms = [w.form for w in wiring]
-        chosen = [METHODS[m] for m in methods]
-        pieces = [program.pieces[form, m] for form, m in zip(forms, methods, strict=True)]
-        states = np.array([form.states for form in forms], np.int64)
-        values = np.array(
-            [sum(plan.classes[plan.nodes[n].kind].values for n in w.values) for w in wiring], np.int64
-        )
-        lengths = {
-            "x": 2 * states,
-            "p": values,
-            "absolute": states,
-            "u": np.array([f.inputs * m.input_rows for f, m in zip(forms, chosen, strict=True)], np.int64),
-            "work": np.array([p.work for p in pieces], np.int64),
-        }
+        """`methods`: one a place."""
+        count = elements.groups
+        self.records = RecordArray(records.Group, count)
+        self.strides = np.zeros(count, np.int64)
+        self.lengths = {name: np.zeros(count, np.int64) for name in _ARRAYS}
+        codes = {name: k for k, name in enumerate(METHODS)}
+        chosen = cohorts(wiring, np.array([codes[m] for m in methods], np.int64))
+        shared = np.full(count, -1, np.int64)
+        for number, code, rows in chosen:
+            method = list(METHODS.values())[code]
+            w, places = wiring[number], wiring[number].places[rows]
+            self._describe(elements, w, places, method, program, program.pieces[w.form, method.name])
+            if not method.keeps_work:
+                shared[places] = places[0]
         self.sizes: dict[str, int] = {}
-        offsets = {name: self._place(name, length) for name, length in lengths.items()}
-        self.states = _spread(offsets["x"], states)
-        self.values = _spread(offsets["p"], values)
-        self.scales = _spread(offsets["absolute"], states)
-        self.group_of_state = np.repeat(np.arange(len(wiring)), states)
-        channels = np.array([form.states + len(form.published) for form in forms], np.int64)
-        widths = np.array([m.width for m in chosen], np.int64)
-        self.strides = HEADER + channels * widths
-        self._read(wiring, widths)
-        facts: dict[str, Sequence[float] | Integers] = {
-            "n": states,
-            "stride": self.strides,
-            "width": widths,
-            "contraction": [1.0] * len(forms),
-            "inputs": [f.inputs for f in forms],
-            "published": [len(f.published) for f in forms],
-            "degree": [m.degree for m in chosen],
-            "order": [m.error_order for m in chosen],
-            "newton_tolerance": [m.newton_tolerance for m in chosen],
-            "linear": [int(p.linear) for p in pieces],
-            "step": [program.steps[m] for m in methods],
+        offsets = {name: self._place(name, shared) for name in _ARRAYS}
+        self.states = spread(offsets["x"], elements.group_states)
+        self.scales = spread(offsets["absolute"], elements.group_states)
+        self.group_of_state = np.repeat(np.arange(count), elements.group_states)
+        self.value_elements, self.values = _values(elements, wiring, offsets["p"])
+        self._read(wiring)
+
+    def _describe(
+        self, elements: Elements, w: Wiring, places: Integers, method: Method, program: Program, made: Pieces
+    ) -> None:
+        """What is equal in groups of one form and method."""
+        form = w.form
+        stride = HEADER + (form.states + len(form.published)) * method.width
+        values = sum(elements.kind(int(e)).values for e in w.values[0])
+        facts: dict[str, float] = {
+            "n": form.states,
+            "stride": stride,
+            "width": method.width,
+            "contraction": 1.0,
+            "inputs": form.inputs,
+            "published": len(form.published),
+            "degree": method.degree,
+            "order": method.error_order,
+            "newton_tolerance": method.newton_tolerance,
+            "linear": int(made.linear),
+            "step": program.steps[method.name],
+            **made.addresses,
         }
         for name, fact in facts.items():
-            self.records[name][: len(forms)] = fact
-        for g, made in enumerate(pieces):
-            for name, address in made.addresses.items():
-                self.records[name][g] = address
+            self.records[name][places] = fact
+        self.strides[places] = stride
+        sizes = (2 * form.states, values, form.states, form.inputs * method.input_rows, made.work)
+        for name, size in zip(_ARRAYS, sizes, strict=True):
+            self.lengths[name][places] = size
 
-    def _place(self, name: str, lengths: Integers) -> Integers:
+    def _place(self, name: str, shared: Integers) -> Integers:
         """Offsets, in doubles, of the groups' parts of one array; the records get them in bytes."""
-        padded = -(-lengths // _LINE) * _LINE
+        padded = -(-self.lengths[name] // _LINE) * _LINE
+        one = (shared >= 0) & (name in ("u", "work"))  # they use that of the first of them
+        padded[one & (shared != np.arange(len(padded)))] = 0
         ends = np.cumsum(padded)
         offsets: Integers = ends - padded
+        offsets[one] = offsets[shared[one]]
         self.sizes[name] = int(ends[-1]) if len(ends) else 0
         self.records[name][: len(offsets)] = 8 * offsets
         return offsets
 
-    def _read(self, wiring: Sequence[Wiring], widths: Integers) -> None:
+    def _read(self, wiring: Sequence[Wiring]) -> None:
         """Runs of inputs that come from one group, and each input's place in the segments it is read from."""
-        runs: list[tuple[int, int, int]] = []
-        places: list[int] = []
-        for g, w in enumerate(wiring):
-            owners = [owner for owner, _ in w.channels]
-            self.records["channels"][g] = 8 * len(places)
-            self.records["sources"][g] = 8 * len(records.Source.fields()) * len(runs)
-            distinct = dict.fromkeys(owners)
-            self.records["source_count"][g] = len(distinct)
-            runs += [(owner, owners.index(owner), owners.count(owner)) for owner in distinct]
-            places += [HEADER + channel * int(widths[owner]) for owner, channel in w.channels]
-        self.sources = RecordArray(records.Source, len(runs))
-        for name, column in zip(("group", "first", "count"), zip(*runs, strict=True), strict=False):
-            self.sources[name][: len(runs)] = column
-        self.places = np.array(places or [0], np.int64)
+        inputs = _counts(wiring, [w.form.inputs for w in wiring])
+        runs = _counts(wiring, [len(w.runs) for w in wiring])
+        count = len(inputs)
+        first_input, first_run = np.cumsum(inputs) - inputs, np.cumsum(runs) - runs
+        self.records["channels"][:count] = 8 * first_input
+        self.records["sources"][:count] = 8 * len(records.Source.fields()) * first_run
+        self.records["source_count"][:count] = runs
+        self.sources = RecordArray(records.Source, int(runs.sum()))
+        self.places = np.zeros(max(int(inputs.sum()), 1), np.int64)
+        widths = self.records["width"]
+        for w in wiring:
+            into = first_input[w.places][:, None] + np.arange(w.form.inputs)
+            self.places[into] = HEADER + w.channels * widths[w.owners]
+            for k, (first, length) in enumerate(w.runs):
+                at = first_run[w.places] + k
+                self.sources["group"][at] = w.owners[:, first]
+                self.sources["first"][at] = first
+                self.sources["count"][at] = length
 
 
 class Memory:
@@ -121,8 +146,23 @@ class Memory:
             self.groups[name][:] += address
 
 
-def _spread(offsets: Integers, lengths: Integers) -> Integers:
-    """Positions offset, offset + 1, … of each group's numbers, all groups in a row."""
-    starts = np.cumsum(lengths) - lengths
-    positions: Integers = np.repeat(offsets - starts, lengths) + np.arange(int(lengths.sum()))
-    return positions
+def _counts(wiring: Sequence[Wiring], counts: Sequence[int]) -> Integers:
+    """A number of each wiring, by place."""
+    found = np.zeros(sum(len(w.places) for w in wiring), np.int64)
+    for w, count in zip(wiring, counts, strict=True):
+        found[w.places] = count
+    return found
+
+
+def _values(elements: Elements, wiring: Sequence[Wiring], offsets: Integers) -> tuple[Integers, Integers]:
+    """Elements whose values are wanted, and where in the array each of these values goes."""
+    wanted: list[Integers] = []
+    places: list[Integers] = []
+    for w in wiring:
+        sizes = np.array([elements.kind(int(e)).values for e in w.values[0]], np.int64)
+        starts = np.cumsum(sizes) - sizes
+        wanted.append(w.values.ravel())
+        within = np.concatenate([[0], *(a + np.arange(n) for a, n in zip(starts, sizes, strict=True))])[1:]
+        places.append((offsets[w.places][:, None] + within.astype(np.int64)).ravel())
+    none = np.zeros(0, np.int64)
+    return np.concatenate([none, *wanted]), np.concatenate([none, *places])

@@ -13,21 +13,28 @@ from numpy.typing import NDArray
 
 from hierc.runtime.contract import CONTRACT, Plan
 from hierc.runtime.errors import RunWarning, SettingError
+from hierc.runtime.parameters import catalogue, parameter_vector, places
+from hierc.runtime.paths import Catalogue
 from hierc.runtime.result import Interrupted, Result, SimulationError
 from hierc.runtime.run import Engine
-from hierc.runtime.system import System, parameter_vector
+from hierc.runtime.system import System
 
 Floats = NDArray[np.float64]
 _SETTINGS = {"start": 0.0, "rtol": 1e-6, "method": "auto", "max_step": math.inf, "min_step": 0.0}
 
 
 class ParameterValue(NamedTuple):
-    """A parameter as it stands: its value in the declared unit; `structural` if it is built into the code."""
+    """A parameter as it stands: its value in the declared unit; `structural` if it is built into the code.
+
+    In an array of agents the values of all, one row an agent (before its own shape); `shown` is the name with the agents' indices, `car[1..100].tau`.
+    """
 
     value: float | Floats
     unit: str | None
     doc: str
     structural: bool
+    shown: str = ""
+    shape: tuple[int, ...] = ()  # of a single agent's
 
 
 class Model:
@@ -67,7 +74,8 @@ class Model:
 
     def system(self, params: Mapping[str, object] | None = None) -> System:
         """The equations in plain Python, for these parameters."""
-        return System(self.plan, parameter_vector(self.plan, {**self.params, **(params or {})}))
+        vector = parameter_vector(self.plan, {**self.params, **(params or {})})
+        return System(self.plan, vector, self.engine.elements)
 
     @cached_property
     def _own(self) -> System:
@@ -75,18 +83,22 @@ class Model:
 
     @property
     def parameters(self) -> dict[str, ParameterValue]:
-        """All parameters by path, with their values as they stand."""
-        vector = self._own.parameters
+        """All parameters by path, with their values as they stand; those of an array of agents together, one row an agent."""
+        vector, known = self._own.parameters, catalogue(self.plan)
         result = {}
-        for p in self.plan.parameters:
-            numbers = vector[p.first : p.first + math.prod(p.shape)] / p.scale
-            value = float(numbers[0]) if not p.shape else numbers.reshape(p.shape)
-            result[p.path] = ParameterValue(value, p.unit, p.doc, p.structural)
+        for name in known.plain:
+            selection = known.find(name)
+            p = self.plan.parameters[known.entries(name)[0]]
+            numbers = vector[places(self.plan.parameters, selection)] / p.scale
+            shape = selection.shape + p.shape
+            value = numbers.reshape(shape) if shape else float(numbers[0, 0])
+            result[name] = ParameterValue(value, p.unit, p.doc, p.structural, selection.named.shown, p.shape)
         return result
 
     def __repr__(self) -> str:
-        groups = ", ".join(g.name for g in self.plan.groups)
-        return f"<Model {self.plan.name}: {len(self.states)} states in groups {groups}; {len(self.plan.parameters)} parameters>"
+        known = Catalogue("", [(g.name, g.count, g.indices) for g in self.plan.groups])
+        groups = ", ".join(known.named(name).shown for name in known.plain)
+        return f"<Model {self.plan.name}: {self._own.size} states in groups {groups}; {len(self.parameters)} parameters>"
 
     @property
     def states(self) -> tuple[str, ...]:

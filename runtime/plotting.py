@@ -66,11 +66,9 @@ def draw(result: Result, path: Path | None, names: list[str] | None) -> Figure:
 
 def _by_unit(result: Result, names: list[str]) -> dict[str | None, list[_Line]]:
     """The scalars to draw by their unit, in the order of names."""
-    units = result.units
     found: dict[str | None, list[_Line]] = {}
     for name in names:
-        unit = units.get(name) or units.get(name.rpartition("[")[0])
-        found.setdefault(unit, []).extend(result.columns([name]).items())
+        found.setdefault(result.unit(name), []).extend(result.columns([name]).items())
     return found
 
 

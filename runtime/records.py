@@ -1,4 +1,4 @@
-"""The memory that the kernel works on: one `Group` record a subsystem, its `Source`s, and the `Run`.
+"""The memory that the kernel works on: one `Group` record a subsystem, its `Source`s, and the `Run`; `Request`s for what it left.
 
 All fields are 8 bytes; Python fills them through `dialect.RecordArray`, machine code reads and writes them in place. Everything that a run needs to go on
 is in here, so that the kernel can return to Python at any step and be called again.
@@ -103,3 +103,14 @@ class Run(Record):
     group: int
     groups: int
     budget: int  # step attempts left in this call
+
+
+class Request(Record):
+    """Channels of one group that are wanted at some times: its segments, and the places of the channels' coefficients in them."""
+
+    track: Array[float]
+    count: int
+    stride: int
+    degree: int
+    places: Array[int]
+    channels: int

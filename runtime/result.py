@@ -7,21 +7,26 @@ and at any other, steps and counters of each group, files and plots. Nothing is 
 from __future__ import annotations
 
 import difflib
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Protocol, TypeVar, overload
+from typing import Any, Protocol, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hierc.runtime.contract import Plan, Variable
+from hierc.runtime.elements import Elements, expand, expanded
 from hierc.runtime.errors import SettingError
+from hierc.runtime.families import FamilyStats, family_statistics
+from hierc.runtime.observation import catalogue
+from hierc.runtime.paths import PathError, Selection
 from hierc.runtime.status import Status
 from hierc.runtime.trajectory import GroupTrajectory
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 #: Without an `interval`, results stand at this many equal parts of the run.
 PARTS = 500
@@ -31,8 +36,6 @@ MOST_TIMES = 5_000_000
 TIME = "time"
 #: By how much, relative to the times of the run, a time may lie outside: what rounding does to a time that was computed.
 _ROUNDING = 1e-12
-
-_ELEMENT = re.compile(r"(?P<path>.*)\[(?P<indices>\d+(?:,\d+)*)\]")
 
 
 class Run(Protocol):
@@ -66,8 +69,8 @@ class Run(Protocol):
     def groups(self) -> Sequence[GroupTrajectory]:
         """In cascade order."""
 
-    def evaluate(self, paths: Sequence[str], t: Floats) -> Mapping[str, Floats]:
-        """Values of variables (len(t), *shape) at any times between start and t_reached."""
+    def evaluate(self, names: Sequence[str], t: Floats) -> Mapping[str, Floats]:
+        """Values of variables (len(t), *shape) by name at any times between start and t_reached."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,19 +92,38 @@ class GroupStats:
 V = TypeVar("V")
 
 
-class _ByGroup(dict[str, V]):
-    """Something for each group; an unknown group is explained."""
+class _ByGroup(Mapping[str, V]):
+    """Something for each group, made when it is asked for; an unknown group is explained."""
 
-    def __missing__(self, group: str) -> V:
-        raise KeyError(_unknown("group", group, self))
+    def __init__(self, groups: Sequence[str], make: Callable[[int], V]) -> None:
+        self._places = {name: g for g, name in enumerate(groups)}
+        self._make = make
+        self._made: dict[str, V] = {}
+
+    def __getitem__(self, group: str) -> V:
+        if group not in self._made:
+            if group not in self._places:
+                raise KeyError(_unknown("group", group, self._places))
+            self._made[group] = self._make(self._places[group])
+        return self._made[group]
+
+    def __contains__(self, group: object) -> bool:
+        return group in self._places
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
 
 
 class Result:
     """Values, steps and counters of one run.
 
     `r["cart.x"]` is an array over `r.t`; a vector has shape (len(r.t), n), an element is named `plan.p[1]`. `r("cart.x", t)` is the value
-    at a number or an array of times. Names are those of the model, private variables included, and `time`. Values are in the declared
-    units; the arrays cannot be written to, as they are shared.
+    at a number or an array of times. Names are those of the model, private variables included, and `time`. In an array of agents
+    `r["car[3].x"]` is that of one, `r["car.x"]` of all, with shape (len(r.t), N), and `r["car[2..5].x"]` of some. Values are in the
+    declared units; the arrays cannot be written to, as they are shared.
     """
 
     def __init__(
@@ -113,8 +135,7 @@ class Result:
         params: Mapping[str, object],
     ) -> None:
         self._run = run
-        self._variables = {v.path: v for v in run.plan.variables}
-        self._stats: _ByGroup[GroupStats] | None = None
+        self._catalogue = catalogue(run.plan)
         #: Output times, s: every `interval` from the start, and the end.
         self.t: Floats = _shared(output_times(run.start, run.t_reached, interval))
         self._values: dict[str, Floats] = {TIME: self.t}
@@ -155,44 +176,76 @@ class Result:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Paths of all variables, private ones included, in text order."""
-        return tuple(self._variables)
+        """Paths of all variables, private ones included, in text order; in an array of agents each stands for all of them."""
+        return tuple(self._catalogue.plain)
 
     @property
     def recorded(self) -> tuple[str, ...]:
         """What files and plots show: the experiment's `record`, else every `write` variable."""
         chosen = self._run.plan.experiment.record
-        return chosen or tuple(v.path for v in self._variables.values() if v.access == "write")
+        if not chosen:
+            return self._written(self._catalogue.plain)
+        found: dict[str, None] = {}
+        for name in chosen:
+            found |= dict.fromkeys(
+                self._written(self._catalogue.below(name[:-2])) if name.endswith(".*") else [name]
+            )
+        return tuple(found)
+
+    def _written(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Those that name `write` variables."""
+        return tuple(name for name in names if self._variable(self._catalogue.find(name)).access == "write")
+
+    def _variable(self, selection: Selection) -> Variable:
+        """What all elements of a selection have in common: one of their variables."""
+        return self._run.plan.variables[int(selection.named.entry[0])]
 
     @property
     def units(self) -> dict[str, str | None]:
         """Declared unit of every variable, None where it has none."""
-        return {path: variable.unit for path, variable in self._variables.items()}
+        variables = self._run.plan.variables
+        return {name: variables[self._catalogue.entries(name)[0]].unit for name in self.names}
 
-    @property
-    def stats(self) -> dict[str, GroupStats]:
+    def unit(self, name: str) -> str | None:
+        """Declared unit of a variable, or of an element of it. Raises KeyError for an unknown name."""
+        return "s" if name == TIME else self._variable(self._find(name)).unit
+
+    @cached_property
+    def _elements(self) -> Elements:
+        return expand(self._run.plan)
+
+    @cached_property
+    def _group_names(self) -> list[str]:
+        return [self._elements.group_name(g) for g in range(len(self._run.groups))]
+
+    @cached_property
+    def stats(self) -> Mapping[str, GroupStats]:
         """Counters and step sizes of each group, in cascade order. Raises KeyError for an unknown group."""
-        if self._stats is None:
-            sizes = group_sizes(self._run.plan)
-            self._stats = _ByGroup({g.name: _statistics(g, sizes[g.name]) for g in self._run.groups})
-        return self._stats
+        states = self._elements.group_states
+        groups = self._run.groups
+        return _ByGroup(self._group_names, lambda g: _statistics(groups[g], int(states[g])))
+
+    @cached_property
+    def families(self) -> tuple[FamilyStats, ...]:
+        """The same, the groups of an array together."""
+        return family_statistics(self._elements, self._run.groups)
 
     def steps(self, group: str) -> tuple[Floats, Floats]:
         """Start times and sizes, s, of the steps a group took. Raises KeyError for an unknown group."""
-        knots = _ByGroup({g.name: g.knots for g in self._run.groups})[group]
+        knots = _ByGroup(self._group_names, lambda g: self._run.groups[g].knots)[group]
         return knots[:-1], np.diff(knots)
 
     def __getitem__(self, name: str) -> Floats:
         """Values at the output times: (len(t),), or (len(t), n) for a vector. Raises KeyError for an unknown name."""
-        path, element = self._find(name)
-        if path not in self._values:
-            self.fetch([path])
-        values = self._values[path]
-        return values if element is None else _select(values, element)
+        if name == TIME:
+            return self.t
+        selection = self._find(name)
+        self._fetch([selection])
+        return self._select(self._values[selection.name], selection)
 
     def __contains__(self, name: object) -> bool:
         try:
-            return isinstance(name, str) and bool(self._find(name))
+            return isinstance(name, str) and (name == TIME or bool(self._find(name)))
         except KeyError:
             return False
 
@@ -208,13 +261,12 @@ class Result:
         A scalar variable at one time gives a float, otherwise an array of shape (*t.shape, *variable.shape). Raises KeyError for an
         unknown name and ValueError for times outside the run, by more than rounding.
         """
-        path, element = self._find(name)
         times = self._inside(np.asarray(t, dtype=np.float64))
-        values = (
-            times.ravel() if path == TIME else np.asarray(self._run.evaluate([path], times.ravel())[path])
-        )
-        if element is not None:
-            values = _select(values, element)
+        values: Floats = times.ravel()
+        if name != TIME:
+            selection = self._find(name)
+            found = np.asarray(self._run.evaluate([selection.name], values)[selection.name])
+            values = self._select(found, selection)
         values = values.reshape(times.shape + values.shape[1:])
         return float(values) if values.ndim == 0 else values
 
@@ -229,36 +281,55 @@ class Result:
             )
         return np.clip(times, self.start, self.t_reached)
 
-    def fetch(self, paths: Iterable[str]) -> None:
-        """Compute variables at the output times at once, which is quicker than one by one."""
-        missing = [path for path in paths if path not in self._values]
+    def fetch(self, names: Iterable[str]) -> None:
+        """Compute variables at the output times at once, which is quicker than one by one. Raises KeyError for an unknown name."""
+        self._fetch([self._find(name) for name in names if name != TIME])
+
+    def _fetch(self, selections: Iterable[Selection]) -> None:
+        missing = list(dict.fromkeys(s.name for s in selections if s.name not in self._values))
         if missing:
             found = self._run.evaluate(missing, self.t)
-            self._values.update({path: _shared(np.asarray(found[path])) for path in missing})
+            self._values.update({name: _shared(np.asarray(found[name])) for name in missing})
 
     def columns(self, names: Iterable[str] | None = None) -> dict[str, Floats]:
-        """One array over `t` a scalar, vectors split into their elements: what a table shows (default: what is recorded) beside `time`."""
+        """One array over `t` a scalar, arrays and vectors split into their elements: what a table shows (default: what is recorded) beside `time`."""
         table: dict[str, Floats] = {}
         for name, values in self._chosen(names).items():
-            for index in np.ndindex(values.shape[1:]):
-                table[name + _subscript(index)] = _select(values, index)
+            selection = self._find(name)
+            rows = values.reshape(
+                len(values), len(selection.chosen), *values.shape[1 + len(selection.shape) :]
+            )
+            subscripts = selection.subscripts
+            for k, element in enumerate(selection.names):
+                for index in np.ndindex(rows.shape[2:]):
+                    place = index if subscripts is None else tuple(i - 1 for i in subscripts)
+                    table[element + _subscript(place)] = rows[(slice(None), k, *index)]
         return table
 
     def _chosen(self, names: Iterable[str] | None) -> dict[str, Floats]:
         """The variables that stand beside `time` in a file, computed at once."""
         chosen = [name for name in (self.recorded if names is None else names) if name != TIME]
-        self.fetch(dict.fromkeys(self._find(name)[0] for name in chosen))
+        self.fetch(chosen)
         return {name: self[name] for name in chosen}
 
     def panels(self) -> dict[str, list[str]]:
-        """The recorded names by the group that integrates them; what belongs to no group stands under the model's name."""
-        plan = self._run.plan
-        home = {node: group.name for group in plan.groups for node in group.nodes}
-        found: dict[str, list[str]] = {title: [] for title in [*(g.name for g in plan.groups), self.model]}
+        """The recorded names by the group that integrates them (or its array); what belongs to no group stands under the model's name."""
+        families = list(dict.fromkeys(f.name.replace("[]", "") for f in self._elements.families))
+        found: dict[str, list[str]] = {title: [] for title in [*families, self.model]}
         for name in self.recorded:
-            elements = self._variables[self._find(name)[0]].elements
-            found[home.get(elements[0][0], self.model) if elements else self.model].append(name)
+            home = self._home(self._find(name))
+            found[self.model if home is None else home.replace("[]", "")].append(name)
         return {title: names for title, names in found.items() if names}
+
+    def _home(self, selection: Selection) -> str | None:
+        """The name of the groups that integrate a variable; None where it belongs to none."""
+        variable = self._variable(selection)
+        if not variable.elements:
+            return None
+        row = int(selection.named.row[selection.chosen[0]])
+        element = int(expanded(variable.elements[0][0], variable.count)[row])
+        home = int(self._elements.home[element])
+        return None if home < 0 else self._elements.families[int(self._elements.family[home])].name
 
     def to_csv(self, path: str | Path, names: Iterable[str] | None = None) -> None:
         """Write a table: a column `time` and one a scalar (default: what is recorded). Raises OSError, KeyError."""
@@ -287,15 +358,28 @@ class Result:
         end = "" if self.status.ok else f", {self.status.message}"
         return f"<Result of {self.model}: {self.start:g} to {self.t_reached:g} s, {len(self.t)} times, {len(self.names)} variables{end}>"
 
-    def _find(self, name: str) -> tuple[str, tuple[int, ...] | None]:
-        """The variable's path, and the element's indices from 0 where the name has subscripts."""
-        if name in self._variables or name == TIME:
-            return name, None
-        match = _ELEMENT.fullmatch(name)
-        variable = self._variables.get(match["path"]) if match else None
-        if match is None or variable is None:
-            raise KeyError(_unknown("variable", name, self._variables))
-        return variable.path, _element(variable, name, tuple(map(int, match["indices"].split(","))))
+    def _find(self, name: str) -> Selection:
+        """The variable that a name means. Raises KeyError."""
+        try:
+            selection = self._catalogue.find(name)
+        except PathError as error:
+            raise KeyError(str(error)) from None
+        shape, subscripts = self._variable(selection).shape, selection.subscripts
+        if subscripts is not None and (
+            len(subscripts) != len(shape)
+            or not all(1 <= i <= n for i, n in zip(subscripts, shape, strict=True))
+        ):
+            size = "is a number" if not shape else f"has the shape {list(shape)}; indices start at 1"
+            raise KeyError(f"no element `{name}`: `{selection.name}` {size}")
+        return selection
+
+    @staticmethod
+    def _select(values: Floats, selection: Selection) -> Floats:
+        """The scalar that a name's subscripts choose, of each element."""
+        if selection.subscripts is None:
+            return values
+        index: tuple[Any, ...] = (..., *(i - 1 for i in selection.subscripts))
+        return np.asarray(values[index])
 
 
 class SimulationError(Exception):
@@ -333,11 +417,6 @@ def output_times(start: float, stop: float, interval: float | None) -> Floats:
     return times
 
 
-def group_sizes(plan: Plan) -> dict[str, int]:
-    """Number of states of each group."""
-    return {g.name: sum(len(plan.classes[plan.nodes[n].kind].states) for n in g.nodes) for g in plan.groups}
-
-
 def _statistics(group: GroupTrajectory, states: int) -> GroupStats:
     sizes = np.diff(group.knots)
     low, middle, high = (
@@ -362,19 +441,6 @@ def _shared(values: Floats) -> Floats:
     view = values.view()
     view.flags.writeable = False
     return view
-
-
-def _select(values: Floats, element: tuple[int, ...]) -> Floats:
-    index: tuple[slice | int, ...] = (slice(None), *element)
-    return np.asarray(values[index])
-
-
-def _element(variable: Variable, name: str, indices: tuple[int, ...]) -> tuple[int, ...]:
-    shape = variable.shape
-    if len(indices) != len(shape) or not all(1 <= i <= n for i, n in zip(indices, shape, strict=False)):
-        size = "is a number" if not shape else f"has the shape {list(shape)}; indices start at 1"
-        raise KeyError(f"no element `{name}`: `{variable.path}` {size}")
-    return tuple(i - 1 for i in indices)
 
 
 def _subscript(index: tuple[int, ...]) -> str:

@@ -14,18 +14,22 @@ from numpy.typing import NDArray
 
 from hierc.runtime import choice
 from hierc.runtime.contract import Plan
+from hierc.runtime.elements import Elements, expand
 from hierc.runtime.errors import ExternError, SettingError
-from hierc.runtime.layout import Layout
+from hierc.runtime.layout import Layout, cohorts
 from hierc.runtime.machine.forms import Wiring, wire
 from hierc.runtime.machine.program import Announce, Program, build
 from hierc.runtime.methods.catalogue import METHODS
+from hierc.runtime.observation import evaluate
+from hierc.runtime.paths import Catalogue, PathError
 from hierc.runtime.result import output_times
-from hierc.runtime.simulation import GroupSettings, Simulation, tighten
+from hierc.runtime.simulation import GroupSettings, Settings, Simulation, tighten
 from hierc.runtime.status import Status
 from hierc.runtime.system import System
-from hierc.runtime.trajectory import GroupTrajectory
+from hierc.runtime.trajectory import Trajectories
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 #: Tolerances are tightened by the first for each reading edge, to the second at least.
 TIGHTEN = (0.3, 0.03)
 #: No tolerance is smaller than some dozen roundings.
@@ -34,6 +38,8 @@ LEAST_RTOL = 1e-14
 PROBE_ATTEMPTS = 24
 #: States that are looked at again after a run that used a table outside its grid.
 LOOKED_AT = 100_000
+#: Groups of a wiring, spread evenly, that stand for all of them when a method is chosen.
+REPRESENTATIVES = 3
 AUTO = "auto"
 
 
@@ -46,7 +52,7 @@ class FinishedRun:
     stop: float
     t_reached: float
     status: Status
-    groups: tuple[GroupTrajectory, ...]
+    groups: Trajectories
     warnings: tuple[str, ...] = ()
 
     @property
@@ -54,28 +60,12 @@ class FinishedRun:
         """The model's tables."""
         return self.system.plan
 
-    def evaluate(self, paths: Sequence[str], t: Floats) -> dict[str, Floats]:
-        """Values (len(t), *shape) of variables, in their declared units, at any times between start and t_reached."""
-        variables = {v.path: v for v in self.plan.variables}
-        states = np.hstack([g(t) for g in self.groups]) if self.groups else np.zeros((len(t), 0))
-        chosen = [variables[p] for p in paths]
-        nodes = sorted({n for v in chosen for n, what, _ in v.elements if what == "observed"})
-        observed = (
-            [self.system.observe(float(time), x, nodes) for time, x in zip(t, states, strict=True)]
-            if nodes
-            else []
-        )
-        result = {}
-        for variable in chosen:
-            columns = [
-                states[:, self.system.offsets[node] + index]
-                if what == "state"
-                else np.array([row[node][index] for row in observed])
-                for node, what, index in variable.elements
-            ]
-            table = np.stack(columns, axis=1) if columns else np.zeros((len(t), 0))
-            result[variable.path] = table.reshape((len(t), *variable.shape)) / variable.scale
-        return result
+    def evaluate(self, names: Sequence[str], t: Floats) -> dict[str, Floats]:
+        """Values (len(t), *shape) of variables, in their declared units, at any times between start and t_reached.
+
+        A name stands for a variable, of some or all elements of an array (see `paths`), whose numbers then go before its shape.
+        """
+        return evaluate(self.system, self.groups, names, t)
 
 
 @dataclass(frozen=True)
@@ -87,22 +77,29 @@ class Engine:
     layouts: dict[tuple[str, ...], Layout] = field(default_factory=dict)
 
     @cached_property
+    def elements(self) -> Elements:
+        """The plan's tables, expanded."""
+        return expand(self.plan)
+
+    @cached_property
     def wiring(self) -> tuple[Wiring, ...]:
-        """How the groups are connected, in cascade order."""
-        return wire(self.plan)
+        """How the groups are connected."""
+        return wire(self.elements)
 
     def layout(self, methods: Sequence[str]) -> Layout:
-        """Where the memory lies of runs with these methods."""
+        """Where the memory lies of runs with these methods, one a group."""
         key = tuple(methods)
         if key not in self.layouts:
-            self.layouts[key] = Layout(self.plan, self.wiring, key, self.program(key, None))
+            self.layouts[key] = Layout(self.elements, self.wiring, key, self.program(key, None))
         return self.layouts[key]
 
     def program(self, methods: Sequence[str], announce: Announce | None) -> Program:
         """Machine code for these methods, one a group."""
         key = tuple(methods)
         if key not in self.programs:
-            wanted = [(w.form, method) for w, method in zip(self.wiring, methods, strict=True)]
+            wanted = [
+                (w.form, m) for w in self.wiring for m in dict.fromkeys(key[g] for g in w.places.tolist())
+            ]
             self.programs[key] = build(self.plan.classes, wanted, announce)
         return self.programs[key]
 
@@ -126,12 +123,13 @@ class Engine:
         output_times(
             start, stop, settings.get("interval")
         )  # an impossible interval is refused before a long run
-        chosen = group_settings(self.plan, self.wiring, settings, groups)
+        chosen = group_settings(self.elements, self.wiring, settings, groups)
         try:
             x = system.initial(start)
         except ExternError as error:
+            status = Status("EXTERN_FAILED", f"at the start {error}")
             return FinishedRun(
-                system, start, stop, start, Status("EXTERN_FAILED", f"at the start {error}"), ()
+                system, start, stop, start, status, _nothing(system, np.full(system.size, np.nan))
             )
         if not np.isfinite(x).all():
             return _bad_start(system, x, start, stop)
@@ -144,27 +142,40 @@ class Engine:
     def _begin(
         self,
         system: System,
-        chosen: list[GroupSettings],
+        chosen: Settings,
         start: float,
         stop: float,
         announce: Announce | None,
     ) -> Simulation:
         """A run about to begin, its methods chosen. Where the probe's methods stay, the probe is the run's beginning."""
-        probing = [replace(s, method=choice.FAVOURITE) if s.method == AUTO else s for s in chosen]
-        probe = Simulation(self, system, probing, start, stop, announce)
-        if all(s.method != AUTO for s in chosen):
+        tried = tuple(replace(s, method=choice.FAVOURITE) if s.method == AUTO else s for s in chosen.distinct)
+        probe = Simulation(self, system, Settings(tried, chosen.of), start, stop, announce)
+        if all(s.method != AUTO for s in chosen.distinct):
             return probe
         try:
-            probe.attempt(PROBE_ATTEMPTS * len(chosen))
-            decided = [
-                replace(s, method=choice.choose(learnt)) if s.method == AUTO else s
-                for s, learnt in zip(chosen, probe.learn(), strict=True)
-            ]
+            probe.attempt(PROBE_ATTEMPTS * self.elements.groups)
+            decided = self._decide(chosen, probe)
         except ExternError:
             return probe  # going on with it tells of the failure
-        return probe if decided == probing else Simulation(self, system, decided, start, stop, announce)
+        if decided.methods == probe.settings.methods:
+            return probe
+        return Simulation(self, system, decided, start, stop, announce)
 
-    def _excursions(self, system: System, start: float, trajectories: Sequence[GroupTrajectory]) -> list[str]:
+    def _decide(self, chosen: Settings, probe: Simulation) -> Settings:
+        """The settings with methods for those that leave it to us, the same for all groups of a wiring that are set alike."""
+        found = [
+            (label, self.wiring[number].places[rows], self.wiring[number])
+            for number, label, rows in cohorts(self.wiring, chosen.of)
+            if chosen.distinct[label].method == AUTO
+        ]
+        learnt = probe.learn((wiring, _some(places)) for _, places, wiring in found)
+        distinct, of = list(chosen.distinct), chosen.of.copy()
+        for (label, places, _), probes in zip(found, learnt, strict=True):
+            of[places] = len(distinct)
+            distinct.append(replace(chosen.distinct[label], method=choice.choose(*probes)))
+        return Settings(tuple(distinct), of)
+
+    def _excursions(self, system: System, start: float, trajectories: Trajectories) -> list[str]:
         """What is to be said of tables that were used outside their grids.
 
         Machine code tells whether any was, in steps that were given up too; so the steps that were kept are looked at again.
@@ -174,14 +185,14 @@ class Engine:
         marked = [program.links.marked() for program in self.programs.values()]
         for table in self.plan.tables:
             table.outside[:] = [0] * len(table.outside)
-        again = System(self.plan, system.parameters)
+        again = System(self.plan, system.parameters, self.elements)
         with suppress(ExternError):
             again.initial(start)
             if any(marked):
                 knots = np.unique(np.concatenate([g.knots for g in trajectories]))
                 most = min(max(LOOKED_AT // max(system.size, 1), 20), 1000)
                 times = knots[np.unique(np.linspace(0, len(knots) - 1, most).astype(int))]
-                states = np.hstack([g(times) for g in trajectories])
+                states = trajectories.states(np.arange(system.size), times)
                 for time, x in zip(times, states, strict=True):
                     again.rhs(float(time), x)
         return [
@@ -201,34 +212,68 @@ class Engine:
         ]
 
 
+def _some(places: Integers) -> Integers:
+    """A few groups that stand for all of them."""
+    count = min(len(places), REPRESENTATIVES)
+    return places[np.linspace(0, len(places) - 1, count).astype(np.int64)]
+
+
 def group_settings(
-    plan: Plan, wiring: Sequence[Wiring], settings: Mapping[str, Any], groups: Mapping[str, Mapping[str, Any]]
-) -> list[GroupSettings]:
-    """Settings of every group, checked, its tolerances tightened for those who read it. Raises ValueError."""
-    factors = tighten(plan, wiring, *TIGHTEN)
-    result = []
-    for group, factor in zip(plan.groups, factors, strict=True):
-        own = groups.get(group.name, {})
-        merged = {**settings, **own}
-        if "rtol" in own and "atol" not in own:
-            merged["atol"] = own["rtol"]
-        rtol, atol = _positive("rtol", merged["rtol"]), _positive("atol", merged["atol"])
-        if rtol < LEAST_RTOL:
-            raise SettingError(f"rtol must be at least {LEAST_RTOL:g}, not {rtol!r}: doubles hold no more")
-        method = merged["method"]
-        if method not in METHODS and method != AUTO:
-            raise SettingError(f"unknown method `{method}`; there are {AUTO}, {', '.join(METHODS)}")
-        max_step = math.inf if merged["max_step"] == math.inf else _positive("max_step", merged["max_step"])
-        result.append(
-            GroupSettings(
-                method,
-                max(rtol * factor, LEAST_RTOL),
-                atol * factor,
-                max_step,
-                _finite("min_step", merged["min_step"]),
-            )
-        )
-    return result
+    elements: Elements,
+    wiring: Sequence[Wiring],
+    settings: Mapping[str, Any],
+    groups: Mapping[str, Mapping[str, Any]],
+) -> Settings:
+    """Settings of every group, checked, its tolerances tightened for those who read it. Raises ValueError.
+
+    A name in `groups` stands for one group, `car[3]`, or for several, `car`; the one that means fewer goes before.
+    """
+    factors, depths = tighten(elements, wiring, *TIGHTEN)
+    variants, of = _variants(elements, groups)
+    pairs, labels = np.unique(of * len(factors) + depths, return_inverse=True)
+    distinct = []
+    for variant, depth in (divmod(pair, len(factors)) for pair in pairs.tolist()):
+        distinct.append(_settings({**settings, **variants[variant]}, variants[variant], factors[depth]))
+    return Settings(tuple(distinct), labels.ravel())
+
+
+def _variants(
+    elements: Elements, groups: Mapping[str, Mapping[str, Any]]
+) -> tuple[list[dict[str, Any]], Integers]:
+    """The distinct sets of settings that groups have of their own, and which each group has."""
+    of = np.zeros(elements.groups, np.int64)
+    variants: list[dict[str, Any]] = [{}]
+    named = [(group_places(elements, name), own) for name, own in groups.items()]
+    for places, own in sorted(named, key=lambda item: -len(item[0])):
+        for variant in np.unique(of[places]).tolist():
+            of[places[of[places] == variant]] = len(variants)
+            variants.append({**variants[variant], **own})
+    return variants, of
+
+
+def group_places(elements: Elements, name: str) -> Integers:
+    """The groups that a name means; none for an unknown one."""
+    known = Catalogue("unknown group", [(g.name, g.count, g.indices) for g in elements.plan.groups])
+    try:
+        selection = known.find(name)
+    except PathError:
+        return np.zeros(0, np.int64)
+    entry, row = selection.named.entry[selection.chosen], selection.named.row[selection.chosen]
+    found = [elements.families[k].places[row[entry == k]] for k in np.unique(entry).tolist()]
+    return np.concatenate(found)
+
+
+def _settings(merged: Mapping[str, Any], own: Mapping[str, Any], factor: float) -> GroupSettings:
+    rtol = _positive("rtol", merged["rtol"])
+    atol = rtol if "rtol" in own and "atol" not in own else _positive("atol", merged["atol"])
+    if rtol < LEAST_RTOL:
+        raise SettingError(f"rtol must be at least {LEAST_RTOL:g}, not {rtol!r}: doubles hold no more")
+    method = merged["method"]
+    if method not in METHODS and method != AUTO:
+        raise SettingError(f"unknown method `{method}`; there are {AUTO}, {', '.join(METHODS)}")
+    max_step = math.inf if merged["max_step"] == math.inf else _positive("max_step", merged["max_step"])
+    min_step = _finite("min_step", merged["min_step"])
+    return GroupSettings(method, max(rtol * factor, LEAST_RTOL), atol * factor, max_step, min_step)
 
 
 def _finite(name: str, value: object) -> float:
@@ -249,4 +294,9 @@ def _bad_start(system: System, x: Floats, start: float, stop: float) -> Finished
     name, place = system.state_at(k)
     where = f" ({place})" if place else ""
     status = Status("BAD_START", f"the initial value of `{name}`{where} is not a finite number")
-    return FinishedRun(system, start, stop, start, status, ())
+    return FinishedRun(system, start, stop, start, status, _nothing(system, x))
+
+
+def _nothing(system: System, initial: Floats) -> Trajectories:
+    """What a run leaves that failed at its start."""
+    return Trajectories(system.elements, initial)

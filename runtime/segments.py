@@ -6,50 +6,49 @@ A segment is t0, t1, 1/h, h, then for each channel `width` coefficients, lowest 
 from __future__ import annotations
 
 from hierc.runtime.machine.dialect import Array, Lanes, at, select
-from hierc.runtime.records import Group
+from hierc.runtime.records import Group, Request
 
 #: Doubles before the coefficients.
 HEADER = 4
 
 
-def sample(
-    track: Array[float],
-    shape: Array[int],
-    times: Array[float],
-    out: Array[float],
-) -> None:
-    """Evaluate a group's states at any times. `shape` holds its number of segments, stride, width, degree and states, and the number of times.
+def sample(requests: Array[Request], shape: Array[int], times: Array[float], out: Array[float]) -> None:
+    """Evaluate channels of groups at any times. `shape` holds the number of requests and of times.
 
-    A time at a knot belongs to the segment that ends there. `out` gets a row of states for each time.
+    `out` gets a row of times for each channel, request by request.
     """
-    last = shape[0] - 1
-    stride = shape[1]
-    width = shape[2]
-    degree = shape[3]
-    n = shape[4]
+    row = 0
+    for r in range(shape[0]):
+        request = requests[r]
+        curves(request, times, shape[1], at(out, row * shape[1]))
+        row += request.channels
+
+
+def curves(r: Request, times: Array[float], count: int, out: Array[float]) -> None:
+    """Evaluate the channels of one group. A time at a knot belongs to the segment that ends there."""
     k = 0
-    for m in range(shape[5]):
+    for m in range(count):
         t = times[m]
-        if t <= track[k * stride] or t > track[k * stride + 1]:
+        if t <= r.track[k * r.stride] or t > r.track[k * r.stride + 1]:
             low = 0
-            high = last
+            high = r.count - 1
             while low < high:
                 middle = (low + high) // 2
-                if track[middle * stride + 1] < t:
+                if r.track[middle * r.stride + 1] < t:
                     low = middle + 1
                 else:
                     high = middle
             k = low
-        piece = at(track, k * stride)
+        piece = at(r.track, k * r.stride)
         theta = (t - piece[0]) * piece[2]
-        for i in range(n):
-            c = at(piece, HEADER + i * width)
-            a = c[degree]
-            q = degree - 1
+        for i in range(r.channels):
+            c = at(piece, r.places[i])
+            a = c[r.degree]
+            q = r.degree - 1
             while q >= 0:
                 a = a * theta + c[q]
                 q -= 1
-            out[m * n + i] = a
+            out[i * count + m] = a
 
 
 def segment(g: Group, k: int) -> Array[float]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -17,27 +17,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime import choice, records
-from hierc.runtime.contract import Plan
+from hierc.runtime.elements import Elements
 from hierc.runtime.errors import ExternError, SettingError
 from hierc.runtime.externs import Watch
 from hierc.runtime.layout import Memory
 from hierc.runtime.machine.dialect import RecordArray
 from hierc.runtime.machine.forms import Wiring
 from hierc.runtime.machine.program import Announce
-from hierc.runtime.methods.catalogue import METHODS
 from hierc.runtime.status import Status
 from hierc.runtime.system import System
-from hierc.runtime.track import Track
-from hierc.runtime.trajectory import GroupTrajectory
+from hierc.runtime.track import Tracks
+from hierc.runtime.trajectory import Columns, Trajectories
 
 if TYPE_CHECKING:
     from hierc.runtime.run import Engine
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 #: What one call of the kernel should take, s.
 _SLICE = 0.02
-#: Segments a group has room for at first.
-_ROOM = 256
+#: Segments a group has room for at first; fewer, but not below the least, where all groups' would take more than so many bytes.
+_ROOM, _LEAST_ROOM, _FIRST_BYTES = 256, 16, 256 << 20
 #: Bytes of segments beyond which a run is stopped.
 _MOST_BYTES = 4 << 30
 _COUNTERS = ("steps", "rejected", "evaluations", "iterations", "jacobians", "factorizations", "failures")
@@ -45,13 +45,35 @@ _COUNTERS = ("steps", "rejected", "evaluations", "iterations", "jacobians", "fac
 
 @dataclass(frozen=True, slots=True)
 class GroupSettings:
-    """Numerical settings of one group, all decided."""
+    """Numerical settings of a group, all decided."""
 
     method: str
     rtol: float
     atol: float
     max_step: float
     min_step: float
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Those of all groups: the distinct ones, and which each group has, by place."""
+
+    distinct: tuple[GroupSettings, ...]
+    of: Integers
+
+    def __getitem__(self, place: int) -> GroupSettings:
+        """The settings of one group."""
+        return self.distinct[int(self.of[place])]
+
+    def column(self, name: str) -> Floats:
+        """A number of each group."""
+        return np.array([getattr(s, name) for s in self.distinct], np.float64)[self.of]
+
+    @property
+    def methods(self) -> list[str]:
+        """The method of each group."""
+        names = [s.method for s in self.distinct]
+        return [names[k] for k in self.of.tolist()]
 
 
 class Simulation:
@@ -61,25 +83,28 @@ class Simulation:
         self,
         engine: Engine,
         system: System,
-        settings: Sequence[GroupSettings],
+        settings: Settings,
         start: float,
         stop: float,
         announce: Announce | None = None,
     ) -> None:
         self.system, self.wiring, self.settings = system, engine.wiring, settings
         self.start, self.stop = start, stop
-        self.plan: Plan = system.plan
-        methods = [s.method for s in settings]
-        self.program = engine.program(methods, announce)
-        self.layout = engine.layout(methods)
+        self.elements: Elements = engine.elements
+        self.program = engine.program(settings.methods, announce)
+        self.layout = engine.layout(settings.methods)
         self.memory = Memory(self.layout)
         self.groups = self.memory.groups
         self.initial = system.initial(start)
         self._fill(self.memory.arrays)
-        self.tracks = [Track(_ROOM * int(stride)) for stride in self.layout.strides]
-        self.groups["track"][: len(settings)] = [track.address for track in self.tracks]
+        count = self.elements.groups
+        room = max(_FIRST_BYTES // (8 * int(self.layout.strides.sum()) or 1), _LEAST_ROOM)
+        room = min(room, _ROOM)
+        self.groups["capacity"][:] = room
+        self.tracks = Tracks(self.layout.strides, room)
+        self.groups["track"][:count] = self.tracks.addresses
         self.run = RecordArray(records.Run, 1)
-        self.run["stop"][0], self.run["groups"][0] = stop, len(settings)
+        self.run["stop"][0], self.run["groups"][0] = stop, count
         # The first window lets every group take one step; later ones count steps.
         self.run["window"][0] = np.nextafter(start, stop)
         prototype = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
@@ -92,21 +117,20 @@ class Simulation:
 
     def _fill(self, arrays: dict[str, Floats]) -> None:
         """Put the run's own numbers in their places."""
-        layout, groups, count = self.layout, self.groups, len(self.settings)
+        layout, groups, count = self.layout, self.groups, self.elements.groups
         arrays["x"][layout.states] = self.initial
-        arrays["p"][layout.values] = [v for node in layout.value_nodes for v in self.system.values[node]]
-        nominal = np.array([w for node in self.system.order for w in self.system.nominal(node)])
+        arrays["p"][layout.values] = self.system.values_of(layout.value_elements)
+        nominal = self.system.nominal
         if not (nominal > 0.0).all():
             name, place = self.system.state_at(int(np.argmin(nominal > 0.0)))
             raise SettingError(f"the `nominal` of `{name}` ({place}) must be positive")
-        atol = np.array([s.atol for s in self.settings])
+        atol = self.settings.column("atol")
         arrays["absolute"][layout.scales] = atol[layout.group_of_state] * nominal
         groups["most_steps"][:] = np.iinfo(np.int64).max
-        groups["t"][:], groups["stop"][:], groups["capacity"][:] = self.start, self.stop, _ROOM
+        groups["t"][:], groups["stop"][:] = self.start, self.stop
         groups["floor"][:count] = atol
-        groups["rtol"][:count] = [s.rtol for s in self.settings]
-        groups["max_step"][:count] = [s.max_step for s in self.settings]
-        groups["min_step"][:count] = [s.min_step for s in self.settings]
+        for name in ("rtol", "max_step", "min_step"):
+            groups[name][:count] = self.settings.column(name)
 
     def advance(
         self, progress: Callable[[float], None] | None = None, most_steps: int | None = None
@@ -188,68 +212,55 @@ class Simulation:
 
     def _grow(self, g: int) -> bool:
         """Twice the room for a group's segments; False where that is too much."""
-        track = self.tracks[g]
-        if sum(t.array.nbytes for t in self.tracks) + track.array.nbytes > _MOST_BYTES:
+        if self.tracks.bytes + self.tracks.array(g).nbytes > _MOST_BYTES:
             return False
-        track.grow(2 * len(track.array))
-        self.groups["track"][g] = track.address
+        self.tracks.grow(g)
+        self.groups["track"][g] = self.tracks.addresses[g]
         self.groups["capacity"][g] *= 2
         return True
 
     @property
     def reached(self) -> float:
         """The last time up to which all groups are known (all of it where there is nothing to integrate)."""
-        return float(self.groups["t"][: len(self.wiring)].min()) if self.wiring else self.stop
+        count = self.elements.groups
+        return float(self.groups["t"][:count].min()) if count else self.stop
 
-    def trajectories(self) -> tuple[GroupTrajectory, ...]:
+    def trajectories(self) -> Trajectories:
         """The segments of all groups so far."""
-        result = []
-        first = 0
-        for g, wiring in enumerate(self.wiring):
-            n, method = wiring.form.states, METHODS[self.settings[g].method]
-            count, stride = int(self.groups["count"][g]), int(self.groups["stride"][g])
-            table = self.tracks[g].array[: count * stride].reshape(count, stride)
-            stats = {name: int(self.groups[name][g]) for name in _COUNTERS}
-            result.append(
-                GroupTrajectory(
-                    name=self.plan.groups[g].name,
-                    method=method.name,
-                    degree=method.degree,
-                    width=method.width,
-                    table=table,
-                    reached=float(self.groups["t"][g]),
-                    initial=self.initial[first : first + n],
-                    stats=stats,
-                    program=self.program,
-                )
-            )
-            first += n
-        return tuple(result)
+        count = self.elements.groups
+        column = {
+            name: self.groups[name][:count].copy() for name in ("count", "stride", "degree", "width", "t")
+        }
+        stats = {name: self.groups[name][:count].copy() for name in _COUNTERS}
+        columns = Columns(
+            column["count"], column["stride"], column["degree"], column["width"], column["t"], stats
+        )
+        methods = self.settings.methods
+        return Trajectories(self.elements, self.initial, self.program, self.tracks, methods, columns)
 
-    def learn(self) -> list[choice.Probe]:
-        """What the steps so far tell of each group."""
+    def learn(self, cohorts: Iterable[tuple[Wiring, Integers]]) -> list[list[choice.Probe]]:
+        """What the steps so far tell of some groups of each wiring."""
         trajectories = self.trajectories()
-        probes = []
-        for g, (trajectory, wiring) in enumerate(zip(trajectories, self.wiring, strict=True)):
-            sizes = np.diff(trajectory.knots)
-            pieces = self.program.pieces[wiring.form, self.settings[g].method]
-            probes.append(
-                choice.Probe(
-                    step=float(np.median(sizes[len(sizes) // 2 :])) if len(sizes) else self.stop - self.start,
-                    spectral_radius=functools.partial(self._spectral_radius, g),
-                    states=wiring.form.states,
-                    flops=sum(self.plan.classes[c.kind].flops for c in wiring.form.calls if c.part < 0),
-                    updates=pieces.updates,
-                    entries=pieces.entries,
-                    linear=pieces.linear,
-                    tolerance=self.settings[g].rtol,
-                )
-            )
-        return probes
+        return [[self._probe(w, g, trajectories) for g in places.tolist()] for w, places in cohorts]
+
+    def _probe(self, wiring: Wiring, g: int, trajectories: Trajectories) -> choice.Probe:
+        sizes = trajectories.table(g)[:, 3]
+        pieces = self.program.pieces[wiring.form, self.settings[g].method]
+        classes = self.elements.plan.classes
+        return choice.Probe(
+            step=float(np.median(sizes[len(sizes) // 2 :])) if len(sizes) else self.stop - self.start,
+            spectral_radius=functools.partial(self._spectral_radius, g),
+            states=wiring.form.states,
+            flops=sum(classes[c.kind].flops for c in wiring.form.calls if c.part < 0),
+            updates=pieces.updates,
+            entries=pieces.entries,
+            linear=pieces.linear,
+            tolerance=self.settings[g].rtol,
+        )
 
     def _spectral_radius(self, g: int) -> float:
         """Largest |eigenvalue| of a group's Jacobian at the start and now."""
-        nodes = self.plan.groups[g].nodes
+        nodes = self.elements.nodes_of(g)
         times = (self.start, self.reached)
         return choice.spectral_radius(
             [self.system.jacobian_of(nodes, t, self._states_at(t, g)) for t in times]
@@ -262,11 +273,11 @@ class Simulation:
         if outcome == records.TOO_MANY:
             return self._too_many(g, int(self.groups["most_steps"][g]))
         t, h = float(self.groups["t"][g]), float(self.groups["trial"][g])
-        if self.plan.externs:  # one that is compiled in has no exceptions: plain Python has them
+        if self.elements.plan.externs:  # one that is compiled in has no exceptions: plain Python has them
             self._abandoned = (g, t, int(self.groups["count"][g]))
-            self.system.jacobian_of(self.plan.groups[g].nodes, t, self._states_at(t, g))
+            self.system.jacobian_of(self.elements.nodes_of(g), t, self._states_at(t, g))
         state, place, finite = self._culprit(g)
-        where = f"group `{self.plan.groups[g].name}`, state `{state}`" + (f" ({place})" if place else "")
+        where = f"group `{self.elements.group_name(g)}`, state `{state}`" + (f" ({place})" if place else "")
         if not finite:
             return Status(
                 "NOT_FINITE",
@@ -285,7 +296,7 @@ class Simulation:
         )
 
     def _too_many(self, g: int, most: int) -> Status:
-        name = self.plan.groups[g].name
+        name = self.elements.group_name(g)
         t = float(self.groups["t"][g])
         return Status("TOO_MANY_STEPS", f"group `{name}` took {most} steps and is only at t = {t:.6g} s")
 
@@ -307,23 +318,30 @@ class Simulation:
 
     def _slice_of(self, g: int) -> slice:
         """Where a group's states stand in the state vector."""
-        first = sum(w.form.states for w in self.wiring[:g])
-        return slice(first, first + self.wiring[g].form.states)
+        first, last = self.elements.group_offsets[g : g + 2].tolist()
+        return slice(first, last)
 
     def _states_at(self, t: float, g: int) -> Floats:
         """All states at the time of group g; later groups as far as they are known."""
-        parts = [np.asarray(tr(np.array([min(t, tr.knots[-1])])))[0] for tr in self.trajectories()]
-        x = np.concatenate(parts)
-        own = self._slice_of(g)
-        current = (ctypes.c_double * (own.stop - own.start)).from_address(int(self.groups["x"][g]))
-        x[own] = np.ctypeslib.as_array(current)
+        x = self.memory.arrays["x"][self.layout.states]
+        ahead = (self.groups["t"] > t)[self.layout.group_of_state]
+        ahead[self._slice_of(g)] = False
+        if ahead.any():
+            positions = np.flatnonzero(ahead)
+            x[positions] = self.trajectories().states(positions, np.array([t]))[0]
         return x
 
 
-def tighten(plan: Plan, wiring: Sequence[Wiring], per_edge: float, floor: float) -> list[float]:
-    """Factors on the tolerances: `per_edge` for each reading edge to the furthest reader, at least `floor`."""
-    depth = [0] * len(wiring)
-    for g in reversed(range(len(wiring))):
-        for upstream, _ in wiring[g].channels:
-            depth[upstream] = max(depth[upstream], depth[g] + 1)
-    return [max(per_edge**d, floor) for d in depth]
+def tighten(
+    elements: Elements, wiring: Sequence[Wiring], per_edge: float, floor: float
+) -> tuple[list[float], Integers]:
+    """Factors on the tolerances, `per_edge` for each reading edge to the furthest reader, at least `floor`; which of them each group has."""
+    factors = [1.0]
+    while factors[-1] > floor:
+        factors.append(max(per_edge ** len(factors), floor))
+    depth = np.zeros(elements.groups, np.int64)
+    for _ in factors[1:]:  # more edges than this change nothing
+        for w in wiring:
+            further = np.broadcast_to(depth[w.places][:, None] + 1, w.owners.shape)
+            np.maximum.at(depth, w.owners, further)
+    return factors, np.minimum(depth, len(factors) - 1)

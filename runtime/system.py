@@ -1,92 +1,103 @@
-"""A generated module as one system of equations, in plain Python: parameters, initial values, right-hand side, Jacobian, observed variables.
+"""A generated module as one system of equations, in plain Python: initial values, right-hand side, Jacobian, observed variables.
 
 This is the exact oracle of what the kernel integrates, and what users hand to other solvers. Where CPython raises on a domain error (1/0.0,
 math.sqrt(-1.0)) the values concerned are NaN.
+
+A *world* is a list of all states, in the order of the state vector, and after them all outs, element by element: whatever an element can read.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime import ieee
-from hierc.runtime.contract import Class, Parameter, Plan
-from hierc.runtime.errors import SettingError
+from hierc.runtime.contract import Class, Plan
+from hierc.runtime.elements import Elements, expand, expanded, index_table, numbered, spread
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 _NAN = float("nan")
 _FAULTS = (ZeroDivisionError, ValueError, OverflowError)
 #: Stands for the discrete variables, of which there are none yet.
 _NO_DISCRETE: list[float] = []
 
 
-def order_parts(
-    plan: Plan, wanted: Iterable[tuple[int, int]], inside: Callable[[int], bool]
-) -> list[tuple[int, int]]:
-    """Calls (node, part) that make the outs (node, out), in order: whatever a part reads from nodes that are `inside` comes before it."""
-    calls: dict[tuple[int, int], None] = {}
-    stack = [(node, _part_of(plan, node, out), False) for node, out in reversed(list(wanted))]
-    while stack:
-        node, part, ready = stack.pop()
-        if (node, part) in calls:
-            continue
-        if ready:
-            calls[node, part] = None
-            continue
-        stack.append((node, part, True))
-        for source, kind, index in read_by(plan, node, part):
-            if kind == "out" and inside(source):
-                stack.append((source, _part_of(plan, source, index), False))
-    return list(calls)
-
-
-def _part_of(plan: Plan, node: int, out: int) -> int:
-    parts = plan.classes[plan.nodes[node].kind].parts
-    return next(k for k, part in enumerate(parts) if out in part.outs)
-
-
-def read_by(plan: Plan, node: int, part: int) -> list[tuple[int, str, int]]:
-    """Sources that one part of a node (-1: its right-hand side) may read."""
-    sources = plan.nodes[node].sources
-    if part < 0:
-        return list(sources)
-    return [sources[k] for k in plan.classes[plan.nodes[node].kind].parts[part].inputs]
-
-
 @dataclass(frozen=True)
 class System:
-    """A plan with values for all its parameters. Vectors of states follow `state_names`: group by group, node by node."""
+    """A plan with values for all its parameters. Vectors of states follow `state_names`: group by group, element by element."""
 
     plan: Plan
     parameters: Floats
+    expansion: Elements | None = None  # of the plan, where it is known
 
     @cached_property
-    def order(self) -> tuple[int, ...]:
-        """Nodes with states, in the order of the state vector."""
-        return tuple(node for group in self.plan.groups for node in group.nodes)
+    def elements(self) -> Elements:
+        """The plan's tables, expanded."""
+        return self.expansion or expand(self.plan)
 
     @cached_property
-    def offsets(self) -> dict[int, int]:
-        """Where each node's states begin in the state vector."""
-        sizes = [len(self.kind(n).states) for n in self.order]
-        return dict(zip(self.order, np.cumsum([0, *sizes]).tolist(), strict=False))
+    def offsets(self) -> list[int]:
+        """Where each element's states begin in the state vector."""
+        found: list[int] = self.elements.offsets.tolist()
+        return found
 
     @property
     def size(self) -> int:
         """Number of states."""
-        return sum(len(self.kind(n).states) for n in self.order)
+        return int(self.elements.group_offsets[-1])
+
+    def kind(self, element: int) -> Class:
+        """The class of an element."""
+        return self.elements.kind(element)
+
+    # ---- what depends on parameters alone -----------------------------------------------------------
 
     @cached_property
     def values(self) -> tuple[list[float], ...]:
-        """p of each node: what depends on parameters alone."""
-        return tuple(
-            self._filled(n, self.kind(n).fill, self.kind(n).values) for n in range(len(self.plan.nodes))
-        )
+        """p of each element: what depends on parameters alone. Elements with equal parameters share it."""
+        found: list[list[float]] = []
+        known: dict[tuple[int, bytes], list[float]] = {}
+        for block in self.elements.blocks:
+            kind = self.plan.classes[block.kind]
+            rows = self.parameters[block.parameters]
+            for row in rows:
+                key = (block.kind, row.tobytes())
+                if key not in known:
+                    known[key] = [_NAN] * kind.values
+                    _call(kind.fill, row.tolist(), known[key])
+                found.append(known[key])
+        return tuple(found)
+
+    def values_of(self, elements: Integers) -> Floats:
+        """The values of some elements, laid end to end."""
+        numbers = np.fromiter(chain.from_iterable(self.values), np.float64)
+        lengths = np.fromiter(map(len, self.values), np.int64)
+        firsts = np.cumsum(lengths) - lengths
+        return np.asarray(numbers[spread(firsts[elements], lengths[elements])])
+
+    @cached_property
+    def nominal(self) -> Floats:
+        """Error scale of each state."""
+        known: dict[tuple[int, int], list[float]] = {}
+        found: list[list[float]] = []
+        kinds = self._kinds
+        for element in self.elements.order.tolist():
+            key = (kinds[element], id(self.values[element]))
+            if key not in known:
+                kind = self.plan.classes[key[0]]
+                known[key] = [_NAN] * len(kind.states)
+                _call(kind.nominal, self.values[element], known[key])
+            found.append(known[key])
+        return np.fromiter(chain.from_iterable(found), np.float64)
+
+    # ---- names --------------------------------------------------------------------------------------
 
     @cached_property
     def state_names(self) -> tuple[str, ...]:
@@ -94,98 +105,97 @@ class System:
         names = [""] * self.size
         for v in sorted(self.plan.variables, key=lambda v: -v.path.count(".")):
             owner, dot, own = v.path.rpartition(".")
-            for (node, what, index), place in zip(v.elements, np.ndindex(v.shape), strict=True):
+            rows = index_table(v.indices, v.count)
+            for (element, what, index), place in zip(v.elements, np.ndindex(v.shape), strict=True):
+                if what != "state" or v.access == "read":
+                    continue
                 subscript = f"[{','.join(str(i + 1) for i in place)}]" if place else ""
-                at_home = v.access != "read" and f"{self.plan.nodes[node].path}.".startswith(owner + dot)
-                if what == "state" and at_home and own + subscript == self.kind(node).states[index]:
-                    names[self.offsets[node] + index] = names[self.offsets[node] + index] or v.path + subscript
+                elements, states = expanded(element, v.count), expanded(index, v.count)
+                fits = self._at_home(elements, states, owner + dot, own + subscript)
+                at = self.elements.offsets[elements] + states
+                for k, row in zip(at[fits].tolist(), rows[fits].tolist(), strict=True):
+                    names[k] = names[k] or numbered(v.path, row) + subscript
         return tuple(names)
+
+    def _at_home(self, elements: Integers, states: Integers, owner: str, name: str) -> NDArray[np.bool_]:
+        """Whether each of these states is in an agent whose path begins with `owner`, and is called `name` there."""
+        fits = np.zeros(len(elements), np.bool_)
+        blocks = self.elements.block[elements]
+        for b in np.unique(blocks).tolist():
+            block = self.elements.blocks[b]
+            if f"{block.path}.".startswith(owner):
+                names = np.array([own == name for own in self.plan.classes[block.kind].states], np.bool_)
+                fits[blocks == b] = names[states[blocks == b]]
+        return fits
 
     def state_at(self, k: int) -> tuple[str, str]:
         """Name of scalar state k of the state vector, and where its equation stands: `line 12`, `wheels.hier, line 12`; "" if that is not known."""
-        node = next(n for n in reversed(self.order) if self.offsets[n] <= k and self.kind(n).states)
-        kind, index = self.kind(node), k - self.offsets[node]
+        place = int(np.searchsorted(self.elements.group_offsets, k, "right")) - 1
+        element = next(
+            e for e in reversed(self.elements.nodes_of(place)) if self.offsets[e] <= k and self.kind(e).states
+        )
+        kind, index = self.kind(element), k - self.offsets[element]
         line = f"line {kind.lines[index]}" if kind.lines[index] else ""
         return self.state_names[k] or kind.states[index], ", ".join(filter(None, (kind.file, line)))
 
-    def nominal(self, node: int) -> list[float]:
-        """Error scale of each state of a node."""
-        kind = self.kind(node)
-        result = [_NAN] * len(kind.states)
-        _call(kind.nominal, self.values[node], result)
-        return result
-
-    def kind(self, node: int) -> Class:
-        """The class of a node."""
-        return self.plan.classes[self.plan.nodes[node].kind]
-
-    def _filled(self, node: int, function: Callable[..., None], count: int) -> list[float]:
-        result = [_NAN] * count
-        _call(function, [float(self.parameters[k]) for k in self.plan.nodes[node].parameters], result)
-        return result
-
-    @cached_property
-    def _calls(self) -> list[tuple[int, int]]:
-        wanted = [(n, out) for n in range(len(self.plan.nodes)) for out in range(self.kind(n).outs)]
-        return order_parts(self.plan, wanted, lambda _: True)
+    # ---- the equations ------------------------------------------------------------------------------
 
     def initial(self, t: float) -> Floats:
         """Initial values of all states."""
-        x = np.full(self.size, _NAN)
+        elements, world = self.elements, self.world(np.full(self.size, _NAN))
+        order = self.plan.start_order
+        turns = range(elements.count) if order is None else expanded(order, elements.count).tolist()
         for _ in range(self.plan.start_passes):
-            _, outs = self._outs(t, x)
-            for node in range(len(self.plan.nodes)):
-                kind = self.kind(node)
-                own = [_NAN] * len(kind.states)
+            for element, part in self._calls:
+                self._evaluate(element, part, t, world)
+            for element in turns:
+                kind = self.plan.classes[self._kinds[element]]
                 if kind.states:
-                    _call(kind.start, t, self._inputs(node, x, outs), self.values[node], own)
-                    first = self.offsets[node]
-                    x[first : first + len(own)] = own
+                    own = [_NAN] * len(kind.states)
+                    _call(kind.start, t, self._inputs(element, world), self.values[element], own)
+                    first = self.offsets[element]
+                    world[first : first + len(own)] = own
                 for part in range(len(kind.parts)):
-                    self._evaluate(node, part, t, x, outs, own)
-        return x
+                    self._evaluate(element, part, t, world)
+        return np.array(world[: self.size])
 
     def rhs(self, t: float, x: Sequence[float] | Floats) -> Floats:
         """Derivatives (n,) of the states x (n,)."""
-        x = np.asarray(x, np.float64)
-        states, outs = self._outs(t, x)
-        result = np.full(self.size, _NAN)
-        for node in self.order:
-            kind = self.kind(node)
+        world = self.world_at(t, x)
+        result = [_NAN] * self.size
+        for element in self.elements.order.tolist():
+            kind = self.plan.classes[self._kinds[element]]
             dx = [_NAN] * len(kind.states)
-            inputs = self._inputs(node, x, outs)
-            _call(kind.rhs, t, states[node], inputs, _NO_DISCRETE, self.values[node], dx)
-            first = self.offsets[node]
+            first = self.offsets[element]
+            own = world[first : first + len(dx)]
+            _call(kind.rhs, t, own, self._inputs(element, world), _NO_DISCRETE, self.values[element], dx)
             result[first : first + len(dx)] = dx
-        return result
+        return np.array(result)
 
     def jacobian(self, t: float, x: Sequence[float] | Floats) -> Floats:
-        """d rhs/d x, shape (n, n), from the nodes' own derivatives by the chain rule."""
-        return self.jacobian_of(self.order, t, x)
+        """d rhs/d x, shape (n, n), from the elements' own derivatives by the chain rule."""
+        return self.jacobian_of(self.elements.order.tolist(), t, x)
 
     def jacobian_of(self, nodes: Sequence[int], t: float, x: Sequence[float] | Floats) -> Floats:
-        """d rhs/d x of some nodes' states by those states alone, in the order of `nodes`; x is the whole state vector."""
-        x = np.asarray(x, np.float64)
-        states, outs = self._outs(t, x)
+        """d rhs/d x of some elements' states by those states alone, in the order of `nodes`; x is the whole state vector."""
+        calls = self.calls_for(nodes)
+        world = self.world(x)
+        self.evaluate(calls, t, world)
         ends = np.cumsum([0, *(len(self.kind(n).states) for n in nodes)])
         places = dict(zip(nodes, ends.tolist(), strict=False))
         size = int(ends[-1])
         through: dict[tuple[int, int], Floats] = {}
         result = np.zeros((size, size))
-        for node, part in [*self._calls, *((n, -1) for n in nodes)]:
+        for node, part in [*calls, *((n, -1) for n in nodes)]:
             kind = self.kind(node)
             n = len(kind.states)
-            entries = [_NAN] * len(kind.pattern)
-            inputs = self._inputs(node, x, outs)
-            _call(kind.jac, t, states.get(node, []), inputs, _NO_DISCRETE, self.values[node], entries)
             wanted = range(n) if part < 0 else [n + out for out in kind.parts[part].outs]
             rows = {row: np.zeros(size) for row in wanted}
-            for (row, column), entry in zip(kind.pattern, entries, strict=True):
+            sources = self.elements.read_by(node, -1)
+            for (row, column), entry in zip(kind.pattern, self._entries(node, t, world), strict=True):
                 if row not in rows:
                     continue
-                source, what, index = (
-                    (node, "state", column) if column < n else self.plan.nodes[node].sources[column - n]
-                )
+                source, what, index = (node, "state", column) if column < n else sources[column - n]
                 if what == "out":
                     rows[row] += entry * through[source, index]
                 elif source in places:
@@ -197,54 +207,105 @@ class System:
                     through[node, row - n] = values
         return result
 
-    def observe(self, t: float, x: Floats, nodes: Iterable[int]) -> dict[int, list[float]]:
-        """All observed variables of some nodes."""
-        states, outs = self._outs(t, x)
+    def _entries(self, element: int, t: float, world: list[float]) -> list[float]:
+        """Nonzeros of the Jacobian of an element's class."""
+        kind, first = self.kind(element), self.offsets[element]
+        entries = [_NAN] * len(kind.pattern)
+        own, inputs = world[first : first + len(kind.states)], self._inputs(element, world)
+        _call(kind.jac, t, own, inputs, _NO_DISCRETE, self.values[element], entries)
+        return entries
+
+    def observe(self, t: float, world: list[float], nodes: Iterable[int]) -> dict[int, list[float]]:
+        """All observed variables of some elements, in a world with what they read (see `calls_for`)."""
         result = {}
-        for node in nodes:
-            kind = self.kind(node)
-            result[node] = [_NAN] * kind.observed
+        for element in nodes:
+            kind, first = self.kind(element), self.offsets[element]
+            result[element] = [_NAN] * kind.observed
             if kind.observe is not None:
-                inputs = self._inputs(node, x, outs)
-                _call(
-                    kind.observe,
-                    t,
-                    states.get(node, []),
-                    inputs,
-                    _NO_DISCRETE,
-                    self.values[node],
-                    result[node],
-                )
+                own, inputs = world[first : first + len(kind.states)], self._inputs(element, world)
+                _call(kind.observe, t, own, inputs, _NO_DISCRETE, self.values[element], result[element])
         return result
 
-    def _outs(self, t: float, x: Floats) -> tuple[dict[int, list[float]], dict[int, list[float]]]:
-        """Each node's states, and its outs."""
-        states = self._states(x)
-        outs = {n: [_NAN] * self.kind(n).outs for n in range(len(self.plan.nodes))}
-        for node, part in self._calls:
-            self._evaluate(node, part, t, x, outs, states.get(node, []))
-        return states, outs
+    # ---- outs ---------------------------------------------------------------------------------------
 
-    def _states(self, x: Floats) -> dict[int, list[float]]:
-        return {n: x[f : f + len(self.kind(n).states)].tolist() for n, f in self.offsets.items()}
+    def world(self, x: Sequence[float] | Floats) -> list[float]:
+        """The world at states x, its outs not yet known."""
+        return [*np.asarray(x, np.float64).tolist(), *[_NAN] * int(self.elements.outs[-1])]
 
-    def _evaluate(
-        self,
-        node: int,
-        part: int,
-        t: float,
-        x: Floats,
-        outs: dict[int, list[float]],
-        own: list[float],
-    ) -> None:
-        function = self.kind(node).parts[part].function
-        _call(function, t, own, self._inputs(node, x, outs), _NO_DISCRETE, self.values[node], outs[node])
+    def world_at(self, t: float, x: Sequence[float] | Floats) -> list[float]:
+        """The world at time t and states x."""
+        world = self.world(x)
+        self.evaluate(self._calls, t, world)
+        return world
 
-    def _inputs(self, node: int, x: Floats, outs: Mapping[int, list[float]]) -> list[float]:
-        return [
-            float(x[self.offsets[source] + index]) if what == "state" else outs[source][index]
-            for source, what, index in self.plan.nodes[node].sources
-        ]
+    def outs_of(self, element: int, world: list[float]) -> list[float]:
+        """An element's outs in a world."""
+        first = self._slots[element]
+        return world[first : first + self.kind(element).outs]
+
+    def evaluate(self, calls: Iterable[tuple[int, int]], t: float, world: list[float]) -> None:
+        """Put the outs of some calls (element, part) into a world."""
+        for element, part in calls:
+            self._evaluate(element, part, t, world)
+
+    def _evaluate(self, element: int, part: int, t: float, world: list[float]) -> None:
+        kind, first = self.plan.classes[self._kinds[element]], self.offsets[element]
+        made = kind.parts[part]
+        y = [_NAN] * kind.outs
+        own, inputs = world[first : first + len(kind.states)], self._inputs(element, world)
+        _call(made.function, t, own, inputs, _NO_DISCRETE, self.values[element], y)
+        slot = self._slots[element]
+        for out in made.outs:
+            world[slot + out] = y[out]
+
+    def calls_for(self, nodes: Iterable[int]) -> list[tuple[int, int]]:
+        """Calls (element, part), in order, that make the outs which some elements read, and those that they need."""
+        elements = self.elements
+        if not elements.outs[-1]:
+            return []
+        wanted = [(e, k) for n in nodes for e, what, k in elements.read_by(n, -1) if what == "out"]
+        return elements.order_parts(wanted, lambda _: True)
+
+    @cached_property
+    def _calls(self) -> list[tuple[int, int]]:
+        """Calls that make all outs: first those that read none."""
+        elements = self.elements
+        first: dict[tuple[int, int], None] = {}
+        wanted: list[tuple[int, int]] = []
+        for block in elements.blocks:
+            for k, part in enumerate(self.plan.classes[block.kind].parts):
+                own = range(block.first, block.first + block.count)
+                if any(block.sources[i].what == "out" for i in part.inputs):
+                    wanted += [(e, part.outs[0]) for e in own if part.outs]
+                else:
+                    first |= dict.fromkeys((e, k) for e in own)
+        rest = elements.order_parts(wanted, lambda _: True)
+        return [*first, *(call for call in rest if call not in first)]
+
+    @cached_property
+    def _kinds(self) -> list[int]:
+        kinds = np.array([b.kind for b in self.elements.blocks] or [0], np.int64)
+        found: list[int] = kinds[self.elements.block].tolist()
+        return found
+
+    @cached_property
+    def _slots(self) -> list[int]:
+        """Where each element's outs begin in a world."""
+        found: list[int] = (self.size + self.elements.outs).tolist()
+        return found
+
+    @cached_property
+    def reads(self) -> list[list[int]]:
+        """Where in a world each element finds its inputs."""
+        elements, found = self.elements, list[list[int]]()
+        firsts = {"state": elements.offsets, "out": self.size + elements.outs}
+        for block in elements.blocks:
+            columns = [firsts[s.what][s.elements] + s.index for s in block.sources]
+            found += np.stack(columns, axis=1).tolist() if columns else [[]] * block.count
+        return found
+
+    def _inputs(self, element: int, world: list[float]) -> list[float]:
+        return [world[k] for k in self.reads[element]]
 
 
 def _call(function: Callable[..., None], *args: Any) -> None:
@@ -253,56 +314,3 @@ def _call(function: Callable[..., None], *args: Any) -> None:
         function(*args)
     except _FAULTS:
         ieee.call(function, *args)
-
-
-def parameter_vector(plan: Plan, given: Mapping[str, object]) -> Floats:
-    """All parameters' scalars, in SI: those given by path, in their declared units, the others by their defaults.
-
-    Raises SettingError naming a wrong one.
-    """
-    q = np.full(plan.parameter_count, _NAN)
-    by_path = {p.path: p for p in plan.parameters}
-    for path, value in given.items():
-        if path not in by_path:
-            raise SettingError(_unknown(path, by_path))
-        parameter = by_path[path]
-        if parameter.structural:
-            raise SettingError(
-                f"`{path}` is built into the code of {plan.name}: give it when the model is loaded"
-            )
-        array = _checked(parameter, value)
-        q[parameter.first : parameter.first + array.size] = array.ravel()
-    values = q.tolist()
-    try:
-        plan.parameters_function(values)
-    except _FAULTS as error:
-        raise SettingError(f"the parameters of {plan.name} cannot be computed: {error}") from None
-    return np.asarray(values, np.float64)
-
-
-def _checked(parameter: Parameter, value: object) -> Floats:
-    try:
-        if np.asarray(value).dtype.kind not in "biuf":
-            raise TypeError
-        array = np.asarray(value, np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise SettingError(f"`{parameter.path}` is a number or an array of numbers, not {value!r}") from None
-    if array.shape != parameter.shape:
-        shape = "a number" if not parameter.shape else f"an array of shape {parameter.shape}"
-        raise SettingError(f"`{parameter.path}` is {shape}; got shape {array.shape}")
-    with np.errstate(over="ignore"):
-        si = array * parameter.scale
-    if not np.isfinite(si).all():
-        raise SettingError(f"`{parameter.path}` must be finite, not {value!r}")
-    if parameter.kind == "int" and not (array == np.round(array)).all():
-        raise SettingError(f"`{parameter.path}` is an int, not {value!r}")
-    if parameter.kind == "bool" and not np.isin(array, (0.0, 1.0)).all():
-        raise SettingError(f"`{parameter.path}` is true or false, not {value!r}")
-    return si
-
-
-def _unknown(path: str, known: Iterable[str]) -> str:
-    import difflib
-
-    close = difflib.get_close_matches(path, list(known), n=1)
-    return f"no parameter `{path}`" + (f"; did you mean `{close[0]}`?" if close else "")

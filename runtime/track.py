@@ -1,7 +1,8 @@
-"""Growing memory for a group's segments.
+"""Growing memory for the groups' segments.
 
-Small tracks are plain arrays. A large one is a mapping of its own, which the operating system can make longer without copying it, so that growth never
-holds up the run; where the system cannot, it is copied.
+At first all groups' tracks are parts of one array; a group that outgrows its part gets a track of its own. Small ones are plain arrays. A large one is a
+mapping of its own, which the operating system can make longer without copying it, so that growth never holds up the run; where the system cannot,
+it is copied.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 #: Bytes from which a track is a mapping.
 _MAPPED = 1 << 20
 
@@ -57,3 +59,35 @@ def _private_mapping(size: int) -> mmap.mmap | None:
     if sys.platform != "linux":
         return None
     return mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+
+
+class Tracks:
+    """The tracks of all groups: `room` segments for each at first. `addresses` are those of their first segments, `bytes` what they take altogether."""
+
+    def __init__(self, strides: Integers, room: int) -> None:
+        self._strides, self._room = strides, room
+        lengths = room * strides
+        self._firsts: Integers = np.cumsum(lengths) - lengths
+        self._shared: Floats = np.zeros(int(lengths.sum()))
+        self._own: dict[int, Track] = {}
+        self.addresses: Integers = self._shared.ctypes.data + 8 * self._firsts
+        self.bytes = self._shared.nbytes
+
+    def array(self, g: int) -> Floats:
+        """The doubles of a group's track, until it grows."""
+        if g in self._own:
+            return self._own[g].array
+        first = int(self._firsts[g])
+        return self._shared[first : first + self._room * int(self._strides[g])]
+
+    def grow(self, g: int) -> None:
+        """Twice the room for a group; what there is stays."""
+        before = self.array(g)
+        count = 2 * len(before)
+        if g not in self._own:
+            self._own[g] = Track(0)
+            self._own[g].array = before
+        del before  # a mapping in use could not be made longer where it is
+        self._own[g].grow(count)
+        self.addresses[g] = self._own[g].address
+        self.bytes += 4 * count

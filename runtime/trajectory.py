@@ -1,18 +1,25 @@
-"""What a group's integration leaves: its segments, as arrays, and their values at any time."""
+"""What an integration leaves: the segments of every group, as arrays, and their values at any time."""
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.runtime import records
+from hierc.runtime.elements import Elements
+from hierc.runtime.machine.dialect import RecordArray
 from hierc.runtime.machine.program import Program
 from hierc.runtime.segments import HEADER
+from hierc.runtime.track import Tracks
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 _SAMPLE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
 
 
@@ -47,10 +54,120 @@ class GroupTrajectory:
         n = len(self.initial)
         if not len(self.table):
             return np.broadcast_to(self.initial, (len(t), n)).copy()
-        times = np.ascontiguousarray(t, np.float64)
-        out = np.empty((len(times), n))
+        places = HEADER + self.width * np.arange(n, dtype=np.int64)
+        requests = RecordArray(records.Request, 1)
         count, stride = self.table.shape
-        shape = np.array([count, stride, self.width, self.degree, n, len(times)], np.int64)
-        sample = _SAMPLE(self.program.sample)
-        sample(self.table.ctypes.data, shape.ctypes.data, times.ctypes.data, out.ctypes.data)
-        return out
+        facts = (self.table.ctypes.data, count, stride, self.degree, places.ctypes.data, n)
+        requests.memory[0] = facts
+        return _sampled(self.program, requests, places, t)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What the records of all groups say at the end of a run, by place."""
+
+    count: Integers  # of segments
+    stride: Integers
+    degree: Integers
+    width: Integers
+    reached: Floats
+    stats: Mapping[str, Integers]
+
+
+@dataclass(frozen=True)
+class Trajectories(Sequence[GroupTrajectory]):
+    """The segments of all groups, in cascade order; a group's own are made when they are asked for.
+
+    `initial` (n,) are the states before the first steps; without a `program` that is all there is.
+    """
+
+    elements: Elements
+    initial: Floats
+    program: Program | None = None
+    tracks: Tracks | None = None
+    methods: Sequence[str] = ()
+    columns: Columns | None = None
+
+    def __len__(self) -> int:
+        return 0 if self.columns is None else self.elements.groups
+
+    @overload
+    def __getitem__(self, g: int) -> GroupTrajectory: ...
+
+    @overload
+    def __getitem__(self, g: slice) -> Sequence[GroupTrajectory]: ...
+
+    def __getitem__(self, g: int | slice) -> GroupTrajectory | Sequence[GroupTrajectory]:
+        if isinstance(g, slice):
+            return [self[k] for k in range(*g.indices(len(self)))]
+        if not -len(self) <= g < len(self):
+            raise IndexError(g)
+        g %= len(self)
+        assert self.columns is not None
+        assert self.program is not None
+        c = self.columns
+        return GroupTrajectory(
+            name=self.elements.group_name(g),
+            method=self.methods[g],
+            degree=int(c.degree[g]),
+            width=int(c.width[g]),
+            table=self.table(g),
+            reached=float(c.reached[g]),
+            initial=self.initial[self.elements.group_offsets[g] : self.elements.group_offsets[g + 1]],
+            stats={name: int(column[g]) for name, column in c.stats.items()},
+            program=self.program,
+        )
+
+    def table(self, g: int) -> Floats:
+        """The segments of a group, a row each."""
+        assert self.columns is not None
+        assert self.tracks is not None
+        count, stride = int(self.columns.count[g]), int(self.columns.stride[g])
+        return self.tracks.array(g)[: count * stride].reshape(count, stride)
+
+    @cached_property
+    def _integrated(self) -> NDArray[np.bool_]:
+        """Whether a group has made a step, by place."""
+        return np.zeros(self.elements.groups, np.bool_) if self.columns is None else self.columns.count > 0
+
+    def states(self, positions: Integers, t: Floats) -> Floats:
+        """Some states, by their positions in the state vector, at the times t: (len(t), len(positions)).
+
+        Before a group's first step its initial states hold, after its last knot what its last segment says.
+        """
+        wanted, back = np.unique(positions, return_inverse=True)
+        places = np.searchsorted(self.elements.group_offsets, wanted, "right") - 1
+        out = np.broadcast_to(self.initial[wanted], (len(t), len(wanted)))
+        moving = self._integrated[places]
+        if moving.any():
+            assert self.program is not None
+            values = _sampled(self.program, *self._requests(wanted[moving], places[moving]), t)
+            out = values if moving.all() else out.copy()
+            out[:, moving] = values
+        return np.asarray(out[:, back.ravel()])
+
+    def _requests(self, positions: Integers, places: Integers) -> tuple[RecordArray, Integers]:
+        """One request a group for the states at these positions, which are in ascending order; the places of their coefficients."""
+        assert self.columns is not None
+        assert self.tracks is not None
+        groups, firsts, counts = np.unique(places, return_index=True, return_counts=True)
+        channels = positions - self.elements.group_offsets[places]
+        coefficients = HEADER + channels * self.columns.width[places]
+        made = RecordArray(records.Request, len(groups))
+        made["track"][:] = self.tracks.addresses[groups]
+        made["count"][:] = self.columns.count[groups]
+        made["stride"][:] = self.columns.stride[groups]
+        made["degree"][:] = self.columns.degree[groups]
+        made["places"][:] = coefficients.ctypes.data + 8 * firsts
+        made["channels"][:] = counts
+        return made, coefficients
+
+
+def _sampled(program: Program, requests: RecordArray, places: Integers, t: Floats) -> Floats:
+    """The channels of some requests, whose `places` these are, at the times t: (len(t), len(places))."""
+    times = np.ascontiguousarray(t, np.float64)
+    out = np.empty((len(places), len(times)))
+    shape = np.array([len(requests.memory), len(times)], np.int64)
+    sample = _SAMPLE(program.sample)
+    sample(requests.address, shape.ctypes.data, times.ctypes.data, out.ctypes.data)
+    return out.T

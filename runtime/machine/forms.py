@@ -1,126 +1,335 @@
-"""From a generated module's tables to forms: what each group computes, with equal groups recognised."""
+"""From a plan's elements to forms: what each group computes, with equal groups recognised.
+
+The groups of a family are wired together: where a group has an element, a family has a column, the elements of all its groups. Whatever decides about code
+must be the same down a column; where it is not, the family is divided into those that agree.
+"""
 
 from __future__ import annotations
 
-import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
-from hierc.runtime.contract import Plan
+import numpy as np
+from numpy.typing import NDArray
+
+from hierc.runtime.contract import Class, Plan
+from hierc.runtime.elements import Block, Elements, Family, expand, order_parts, part_of
 from hierc.runtime.machine.compose import CallForm, Form, Where
-from hierc.runtime.system import order_parts, read_by
+
+Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """One group: its form and what is its own.
+    """Groups of one form, and what is their own; arrays have a row a group.
 
-    channels[k] is input k: (group, channel), a channel being a state of that group or, after the states, one of its published outs. Inputs are ordered
-    by group, so that those of one group are read together. `values` lists the nodes whose values are laid end to end as the group's p.
+    Input k is channel `channels[:, k]` of the groups at the places `owners[:, k]`, a channel being a state of that group or, after the states, one of its
+    published outs. `runs` are the (first, count) of inputs that come from one group, read together. `values` lists the elements whose values
+    are laid end to end as the group's p. `published` are the elements, and `outs` which of their outs, of the published channels.
     """
 
     form: Form
-    channels: tuple[tuple[int, int], ...]
-    values: tuple[int, ...]
-    published: tuple[tuple[int, int], ...]  # (node, out) of each published channel
+    family: int
+    places: Integers
+    owners: Integers
+    channels: Integers
+    runs: tuple[tuple[int, int], ...]
+    values: Integers
+    published: Integers
+    outs: tuple[int, ...]
 
 
-def wire(plan: Plan) -> tuple[Wiring, ...]:
-    """The wiring of every group of a plan, in cascade order."""
-    layout = _Layout(plan)
-    return tuple(_Wiring(plan, layout, g).result() for g in range(len(plan.groups)))
+def wire(plan: Plan | Elements) -> tuple[Wiring, ...]:
+    """The wiring of every group of a plan."""
+    elements = plan if isinstance(plan, Elements) else expand(plan)
+    channels = _Channels(elements)
+    made: list[Wiring] = []
+    for k, family in enumerate(elements.families):
+        pending = [np.arange(family.count)]
+        while pending:
+            rows = pending.pop()
+            try:
+                made.append(_Wiring(elements, channels, k, rows).result())
+            except _DifferError as differ:
+                pending += [rows[differ.labels == label] for label in np.unique(differ.labels)[::-1]]
+    return tuple(made)
 
 
-class _Layout:
-    """Where states and published outs are found: the home of each node with states, its first state in its group, each group's channels."""
+class _DifferError(Exception):
+    """Groups of a family differ in what must be equal; `labels` tell them apart."""
 
-    def __init__(self, plan: Plan) -> None:
-        self.home: dict[int, int] = {}
-        self.first: dict[int, int] = {}
-        self.states: list[int] = []
-        for g, group in enumerate(plan.groups):
-            count = 0
-            for node in group.nodes:
-                self.home[node], self.first[node] = g, count
-                count += len(plan.classes[plan.nodes[node].kind].states)
-            self.states.append(count)
-        #: For each group the (node, out) pairs that later groups read, numbered; and the calls that make them.
-        self.published: list[dict[tuple[int, int], int]] = [{} for _ in plan.groups]
-        self.publishing: list[list[tuple[int, int]]] = [[] for _ in plan.groups]
-        for g in reversed(range(len(plan.groups))):  # readers come later: what they read is complete
-            inside = functools.partial(self._inside, g)
-            self.publishing[g] = order_parts(plan, self.published[g], inside)
-            for node, part in [*plan.groups[g].calls, *self.publishing[g]]:
-                for source, kind, index in read_by(plan, node, part):
-                    if kind == "out" and not inside(source):
-                        outs = self.published[self.home[source]]
-                        outs.setdefault((source, index), len(outs))
+    def __init__(self, labels: Integers) -> None:
+        self.labels = labels
 
-    def _inside(self, group: int, node: int) -> bool:
-        """Whether a group computes a node's outs itself: its own nodes', and those of nodes without states."""
-        return self.home.get(node, group) == group
 
-    def channel(self, group: int, source: tuple[int, str, int]) -> tuple[int, int] | None:
-        """(group, channel) where another group publishes this; None where it is the group's own."""
-        node, kind, index = source
-        owner = self.home.get(node, group)
-        if owner == group:
-            return None
-        if kind == "state":
-            return owner, self.first[node] + index
-        return owner, self.states[owner] + self.published[owner][node, index]
+def _same(column: Integers) -> int:
+    """What all of a column's groups have. Raises _DifferError."""
+    if len(column) > 1 and (column != column[0]).any():
+        raise _DifferError(column)
+    return int(column[0])
+
+
+class _Channels:
+    """Which outs are published, and the channel of each: after the group's states, by element and out.
+
+    An out is published if a later group reads it, be it to publish an out of its own.
+    """
+
+    def __init__(self, elements: Elements) -> None:
+        self.elements = elements
+        self.published: NDArray[np.bool_] = np.zeros(int(elements.outs[-1]), np.bool_)
+        if len(self.published):
+            for family in elements.families:
+                self._mark_read(family)
+            self._mark_behind()
+
+    def _mark_read(self, family: Family) -> None:
+        """The outs that the calls of a family's groups read from other groups."""
+        elements = self.elements
+        for b in np.unique(elements.block[family.calls]).tolist():
+            block = elements.blocks[b]
+            for part in np.unique(family.parts).tolist():
+                where = (elements.block[family.calls] == b) & (family.parts == part)
+                rows = family.calls[where] - block.first
+                places = np.broadcast_to(family.places[:, None], family.calls.shape)[where]
+                for k in _inputs(elements.plan.classes[block.kind], part) if len(rows) else ():
+                    source = block.sources[k]
+                    if source.what == "out":
+                        owners = source.elements[rows]
+                        others = (elements.home[owners] >= 0) & (elements.home[owners] != places)
+                        slots = elements.outs[owners] + source.index[rows]
+                        self.published[slots[others]] = True
+
+    def _mark_behind(self) -> None:
+        """The outs that are read to make published ones. Few parts read outs, so this goes one by one."""
+        elements = self.elements
+        slots = np.flatnonzero(self.published)
+        owners = np.searchsorted(elements.outs, slots, "right") - 1
+        reading = np.array([_reads_outs(elements, block) for block in elements.blocks])[
+            elements.block[owners]
+        ]
+        homes = elements.home.tolist()
+        stack = [
+            (homes[e], e, part_of(elements.kind(e), slot - int(elements.outs[e])))
+            for slot, e in zip(slots[reading].tolist(), owners[reading].tolist(), strict=True)
+        ]
+        seen = set(stack)
+        while stack:
+            group, element, part = stack.pop()
+            for source, what, index in elements.read_by(element, part):
+                if what != "out":
+                    continue
+                own = homes[source] in (group, -1)
+                if not own:
+                    self.published[elements.outs[source] + index] = True
+                call = (group if own else homes[source], source, part_of(elements.kind(source), index))
+                if call not in seen:
+                    seen.add(call)
+                    stack.append(call)
+
+    @cached_property
+    def _ranks(self) -> Integers:
+        """The number of each published out among those of its group."""
+        elements = self.elements
+        slots = np.flatnonzero(self.published)
+        owners = np.searchsorted(elements.outs, slots, "right") - 1
+        homes = elements.home[owners]
+        order = np.lexsort((slots - elements.outs[owners], elements.position[owners], homes))
+        ranks = np.full(len(self.published), -1, np.int64)
+        firsts = np.searchsorted(homes[order], homes[order], "left")
+        ranks[slots[order]] = np.arange(len(slots)) - firsts
+        return ranks
+
+    def channel(self, owners: Integers, what: str, index: Integers) -> Integers:
+        """The channels of states or outs of elements in other groups."""
+        elements = self.elements
+        if what == "state":
+            return np.asarray(elements.first_state[owners] + index)
+        return np.asarray(
+            elements.group_states[elements.home[owners]] + self._ranks[elements.outs[owners] + index]
+        )
+
+
+def _inputs(kind: Class, part: int) -> Sequence[int]:
+    """The inputs that one part of a class (-1: its right-hand side) may read."""
+    return range(kind.inputs) if part < 0 else kind.parts[part].inputs
+
+
+def _reads_outs(elements: Elements, block: Block) -> bool:
+    """Whether some part of a block reads an out."""
+    parts = elements.plan.classes[block.kind].parts
+    return any(block.sources[k].what == "out" for part in parts for k in part.inputs)
+
+
+@dataclass(frozen=True, slots=True)
+class _Read:
+    """A source of a column: a column of elements, by its number, what is read of them, and which."""
+
+    node: int
+    what: str
+    index: Integers
 
 
 class _Wiring:
-    """The wiring of one group in the making: where each node's values and outs begin in the group's own arrays."""
+    """The wiring of some groups of a family in the making. Columns of elements are numbered as they are met; equal ones are one."""
 
-    def __init__(self, plan: Plan, layout: _Layout, group: int) -> None:
-        self.plan, self.layout, self.group = plan, layout, group
+    def __init__(self, elements: Elements, channels: _Channels, family: int, rows: Integers) -> None:
+        self.elements, self.channels, self.number = elements, channels, family
+        self.family, self.rows = elements.families[family], rows
+        self.places = self.family.places[rows]
+        self.columns: list[Integers] = []
+        self._numbers: dict[bytes, int] = {}
+        self._reads: dict[int, tuple[_Read, ...]] = {}
+        self._inside: dict[int, bool] = {}
         self.values: dict[int, int] = {}
         self.outs: dict[int, int] = {}
         self.value_count = 0
         self.out_count = 0
-        self.channels: set[tuple[int, int]] = set()
+
+    # ---- columns ----------------------------------------------------------------------------------
+
+    def _node(self, column: Integers) -> int:
+        """The number of a column of elements."""
+        key = column.tobytes()
+        if key not in self._numbers:
+            self._numbers[key] = len(self.columns)
+            self.columns.append(column)
+        return self._numbers[key]
+
+    def _block(self, node: int) -> Block:
+        return self.elements.blocks[_same(self.elements.block[self.columns[node]])]
+
+    def _kind(self, node: int) -> Class:
+        return self.elements.plan.classes[self._block(node).kind]
+
+    def _sources(self, node: int) -> tuple[_Read, ...]:
+        if node not in self._reads:
+            block = self._block(node)
+            rows = self.columns[node] - block.first
+            self._reads[node] = tuple(
+                _Read(self._node(s.elements[rows]), s.what, s.index[rows]) for s in block.sources
+            )
+        return self._reads[node]
+
+    def _is_inside(self, node: int) -> bool:
+        """Whether the groups compute a node's outs themselves: their own nodes', and those of nodes without states."""
+        if node not in self._inside:
+            home = self.elements.home[self.columns[node]]
+            self._inside[node] = bool(_same(((home == self.places) | (home < 0)).astype(np.int64)))
+        return self._inside[node]
+
+    def _part_of(self, node: int, out: int) -> int:
+        return part_of(self._kind(node), out)
+
+    def _read_by(self, node: int, part: int) -> list[tuple[int, str, int]]:
+        """As `Elements.read_by`; outs of other groups need no index."""
+        sources = self._sources(node)
+        return [
+            (s.node, s.what, _same(s.index) if self._is_inside(s.node) else -1)
+            for s in (sources[k] for k in _inputs(self._kind(node), part))
+        ]
+
+    # ---- the wiring -------------------------------------------------------------------------------
 
     def result(self) -> Wiring:
-        calls = self.plan.groups[self.group].calls
-        published = tuple(self.layout.published[self.group])
-        publishing = self.layout.publishing[self.group]
-        for node, part in [*calls, *publishing]:
-            self._place(node)
-            for source in read_by(self.plan, node, part):
-                if (channel := self.layout.channel(self.group, source)) is not None:
-                    self.channels.add(channel)
-        order = {c: k for k, c in enumerate(sorted(self.channels))}
+        """The wiring. Raises _DifferError where the groups are not alike."""
+        published = self._published()
+        publishing = order_parts(published, self._part_of, self._read_by, self._is_inside)
+        called = self.family.calls[self.rows].T
+        calls = [
+            (self._node(column), part)
+            for column, part in zip(called, self.family.parts.tolist(), strict=True)
+        ]
+        order = self._inputs([*calls, *publishing])
+        numbers = {key: k for k, key in enumerate(order)}
         form = Form(
-            states=self.layout.states[self.group],
+            states=_same(self.elements.group_states[self.places]),
             inputs=len(order),
             outs=self.out_count,
-            calls=tuple(self._call(n, part, order) for n, part in calls),
-            publishing=tuple(self._call(n, part, order) for n, part in publishing),
+            calls=tuple(self._call(n, part, numbers) for n, part in calls),
+            publishing=tuple(self._call(n, part, numbers) for n, part in publishing),
             published=tuple(self.outs[n] + out for n, out in published),
         )
-        return Wiring(form, tuple(order), tuple(self.values), published)
+        owners, channels = ([pair[k] for pair in order.values()] for k in (0, 1))
+        return Wiring(
+            form,
+            self.number,
+            self.places,
+            self._table(owners),
+            self._table(channels),
+            _runs(owners),
+            self._table([self.columns[n] for n in self.values]),
+            self._table([self.columns[n] for n, _ in published]),
+            tuple(out for _, out in published),
+        )
+
+    def _table(self, columns: Sequence[Integers]) -> Integers:
+        return np.stack(columns, axis=1) if columns else np.zeros((len(self.rows), 0), np.int64)
+
+    def _published(self) -> list[tuple[int, int]]:
+        """(node, out) of what other groups read, in the order of their channels."""
+        found = []
+        for column in self.family.nodes[self.rows].T:
+            node = self._node(column)
+            first = self.elements.outs[column]
+            read = self.channels.published
+            outs = range(self._kind(node).outs)
+            found += [(node, out) for out in outs if _same(read[first + out].astype(np.int64))]
+        return found
+
+    def _inputs(
+        self, calls: Sequence[tuple[int, int]]
+    ) -> dict[tuple[bytes, bytes], tuple[Integers, Integers]]:
+        """(places, channels) of every input, those read from one group together; gives each node called its place."""
+        found: dict[tuple[bytes, bytes], tuple[Integers, Integers]] = {}
+        for node, part in calls:
+            self._place(node)
+            sources = self._sources(node)
+            for k in _inputs(self._kind(node), part):
+                if not self._is_inside(sources[k].node):
+                    pair = self._channel(sources[k])
+                    found[_key(pair)] = pair
+        return dict(
+            sorted(found.items(), key=lambda item: (item[1][0][0], item[0][0], item[1][1][0], item[0][1]))
+        )
+
+    def _channel(self, read: _Read) -> tuple[Integers, Integers]:
+        owners = self.columns[read.node]
+        return self.elements.home[owners], self.channels.channel(owners, read.what, read.index)
 
     def _place(self, node: int) -> None:
         if node not in self.values:
-            kind = self.plan.classes[self.plan.nodes[node].kind]
+            kind = self._kind(node)
             self.values[node], self.outs[node] = self.value_count, self.out_count
             self.value_count += kind.values
             self.out_count += kind.outs
 
-    def _call(self, node: int, part: int, order: dict[tuple[int, int], int]) -> CallForm:
-        read = set(read_by(self.plan, node, part))
+    def _call(self, node: int, part: int, numbers: dict[tuple[bytes, bytes], int]) -> CallForm:
+        read = set(_inputs(self._kind(node), part))
         sources: list[Where] = []
-        for source in self.plan.nodes[node].sources:
-            channel = self.layout.channel(self.group, source)
-            if source not in read:
+        for k, source in enumerate(self._sources(node)):
+            if k not in read:
                 sources.append(("none", 0))
-            elif channel is not None:
-                sources.append(("channel", order[channel]))
-            elif source[1] == "state":
-                sources.append(("state", self.layout.first[source[0]] + source[2]))
+            elif not self._is_inside(source.node):
+                sources.append(("channel", numbers[_key(self._channel(source))]))
+            elif source.what == "state":
+                first = self.elements.first_state[self.columns[source.node]]
+                sources.append(("state", _same(first + source.index)))
             else:
-                sources.append(("out", self.outs[source[0]] + source[2]))
-        kind = self.plan.nodes[node].kind
-        first = self.layout.first.get(node, 0)
-        return CallForm(kind, part, first, self.values[node], self.outs[node], tuple(sources))
+                sources.append(("out", self.outs[source.node] + _same(source.index)))
+        column = self.columns[node]
+        first = np.where(self.elements.home[column] >= 0, self.elements.first_state[column], 0)
+        return CallForm(
+            self._block(node).kind, part, _same(first), self.values[node], self.outs[node], tuple(sources)
+        )
+
+
+def _key(pair: tuple[Integers, Integers]) -> tuple[bytes, bytes]:
+    return pair[0].tobytes(), pair[1].tobytes()
+
+
+def _runs(owners: Sequence[Integers]) -> tuple[tuple[int, int], ...]:
+    """(first, count) of neighbours that are equal."""
+    firsts = [k for k, owner in enumerate(owners) if k == 0 or (owner != owners[k - 1]).any()]
+    return tuple((a, b - a) for a, b in zip(firsts, [*firsts[1:], len(owners)], strict=False))

@@ -332,6 +332,10 @@ class Explicit:
         return 0.0
 
     @property
+    def keeps_work(self) -> bool:
+        return True  # the derivatives at the end of a step, where the next one begins
+
+    @property
     def step(self) -> Piece:
         return step
 

@@ -24,6 +24,7 @@ class Method(Protocol):
     """One method. `lanes` is the width of its values; it reads inputs at `input_rows` times a step; a segment has `degree` + 1 coefficients a channel, padded to `width`.
 
     `order` is that of the solution at knots, `dense_order` between them, `error_order` of the estimate (err ~ h**error_order).
+    `keeps_work`: whether its workspace holds something from one step to the next; otherwise groups may share it.
     `step` decides, the same for all groups; `pieces` compute, lowered for each form of group under their own names.
     """
 
@@ -45,6 +46,8 @@ class Method(Protocol):
     def input_rows(self) -> int: ...
     @property
     def newton_tolerance(self) -> float: ...
+    @property
+    def keeps_work(self) -> bool: ...
     @property
     def step(self) -> Piece: ...
     @property

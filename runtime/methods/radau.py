@@ -181,6 +181,10 @@ class Radau:
         return self.tables.lanes
 
     @property
+    def keeps_work(self) -> bool:
+        return False  # what the next step begins with is in the segments
+
+    @property
     def input_rows(self) -> int:
         return (
             3 * self.tables.lanes

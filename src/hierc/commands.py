@@ -25,6 +25,7 @@ from hierc.screen import Progress, duration, say, show_groups, show_problems
 from hierc.version import __version__
 
 if TYPE_CHECKING:
+    from hierc.runtime.families import FamilyStats
     from hierc.runtime.model import Model
     from hierc.runtime.result import Result
 
@@ -235,12 +236,19 @@ def summary(result: Result, loaded: loader.Loaded, written: Written) -> dict[str
         "reached": result.t_reached,
         "settings": _plain(result.settings),
         "parameters": _plain(result.params),
-        "groups": {name: _plain(asdict(s)) for name, s in result.stats.items()},
+        "groups": {f.name: _group(result, f) for f in result.families},
         "files": list(written.files),
         "not_written": list(written.failures),
         "warnings": [warned.data for warned in loaded.warnings],
         "run_warnings": list(result.warnings),
     }
+
+
+def _group(result: Result, family: FamilyStats) -> object:
+    """How a group was integrated, or all those of an array together."""
+    facts = asdict(family if family.groups > 1 else result.stats[family.name])
+    facts.pop("name", None)
+    return _plain(facts)
 
 
 def _print_json(data: Mapping[str, Any]) -> None:
@@ -261,8 +269,8 @@ def _report(result: Result, loaded: loader.Loaded, compiling: float, running: fl
         f"{result.model}: {result.start:g} to {result.t_reached:g} s, "
         f"simulated in {duration(running)} after {duration(compiling)} of preparation"
     )
-    if result.stats:
-        show_groups(result.stats)
+    if result.families:
+        show_groups(result.families)
     elif result.status.ok:
         say("  no states: nothing to integrate")
     for text in result.warnings:

@@ -19,7 +19,7 @@ _DIGITS = 12
 
 def listed(model: Model) -> list[dict[str, Any]]:
     """All parameters as plain data, in the order of the text; values are in `unit`."""
-    kinds = {p.path: p.kind for p in model.plan.parameters}
+    kinds = {p.path.replace("[]", ""): p.kind for p in model.plan.parameters}
     types = {"real": float, "int": int, "bool": bool}
     return [
         {
@@ -30,13 +30,18 @@ def listed(model: Model) -> list[dict[str, Any]]:
             "structural": p.structural,
             "doc": p.doc,
         }
+        | ({"agents": p.shown} if p.shown != path else {})
         for path, p in model.parameters.items()
     ]
 
 
 def table(model: Model) -> str:
     """The same for a reader; values are written as `-p` takes them."""
-    rows = [(p["name"], _shown(p["value"]), p["unit"] or "", " ".join(_remarks(p))) for p in listed(model)]
+    ranks = {name: len(p.shape) for name, p in model.parameters.items()}
+    rows = [
+        (p.get("agents", p["name"]), _value(p, ranks[p["name"]]), p["unit"] or "", " ".join(_remarks(p)))
+        for p in listed(model)
+    ]
     experiment = model.plan.experiment.name
     head = f"{model.plan.name} ({model.plan.source})" + (f", experiment {experiment}" if experiment else "")
     if not rows:
@@ -49,6 +54,17 @@ def table(model: Model) -> str:
 def _remarks(parameter: dict[str, Any]) -> list[str]:
     doc = [parameter["doc"].partition("\n")[0]] if parameter["doc"] else []
     return doc + ([_BUILT_IN] if parameter["structural"] else [])
+
+
+def _value(parameter: dict[str, Any], rank: int) -> str:
+    """A parameter's value; of an array of agents what all have, or else the least and the greatest."""
+    values = np.asarray(parameter["value"])
+    if "agents" not in parameter or values.ndim == rank:
+        return _shown(parameter["value"])
+    rows = values.reshape(-1, *values.shape[values.ndim - rank :])
+    if (rows == rows[0]).all():
+        return _shown(rows[0].tolist())
+    return " .. ".join(_shown(end.tolist()) for end in (rows.min(axis=0), rows.max(axis=0)))
 
 
 def _shown(value: object) -> str:

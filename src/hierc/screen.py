@@ -10,7 +10,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
     from hierc.grammar.problems import Problem
-    from hierc.runtime.result import GroupStats
+    from hierc.runtime.families import FamilyStats
 
 #: A run shorter than this, in s, shows no progress bar.
 _PATIENCE = 0.4
@@ -53,18 +53,28 @@ def has_colors() -> bool:
     return sys.stderr.isatty() and not os.environ.get("NO_COLOR")
 
 
-def show_groups(stats: Mapping[str, GroupStats]) -> None:
-    """The table of groups: how each was integrated."""
-    head = ("group", "method", "states", "steps", "rejected", "evaluations", "step min", "median", "max")
+def show_groups(families: Sequence[FamilyStats]) -> None:
+    """The table of groups: how each was integrated, those of an array in one row."""
+    several = any(f.groups > 1 for f in families)
+    head = ["group", "method", "states", "steps", "rejected", "evaluations", "step min", "median", "max"]
     rows = [
-        (
-            name, s.method, str(s.states), str(s.steps), str(s.rejected), str(s.evaluations),
-            duration(s.step_min), duration(s.step_median), duration(s.step_max),
-        )
-        for name, s in stats.items()
+        [
+            f.name, ", ".join(f.methods), _states(f), str(f.steps), str(f.rejected), str(f.evaluations),
+            duration(f.step_min), duration(f.step_median), duration(f.step_max),
+        ]
+        for f in families
     ]  # fmt: skip
+    if several:  # what single groups of an array did, beside their sums
+        head.insert(4, "each")
+        for f, row in zip(families, rows, strict=True):
+            row.insert(4, f"{f.steps_min}..{f.steps_max}" if f.groups > 1 else "")
     for line in aligned([head, *rows], left=2):
         say("  " + line)
+
+
+def _states(family: FamilyStats) -> str:
+    each = " or ".join(map(str, family.states))
+    return f"{family.groups} x {each}" if family.groups > 1 else each
 
 
 def aligned(rows: Sequence[Sequence[str]], *, left: int) -> Iterable[str]:

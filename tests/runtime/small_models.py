@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from hierc.runtime.contract import CONTRACT, Class, Experiment, Group, Node, Parameter, Part, Plan, Variable
+from hierc.runtime.elements import expand
 from hierc.runtime.model import Model
-from hierc.runtime.system import order_parts
 
 _NUMBERS = itertools.count()
 Source = tuple[int, Literal["state", "out"], int]
@@ -154,7 +154,7 @@ def _with_calls(plan: Plan, group: Group, home: set[int]) -> Group:
     wanted = [
         (n, k) for m in group.nodes for n, what, k in plan.nodes[m].sources if what == "out" and inside(n)
     ]
-    calls = order_parts(plan, wanted, inside)
+    calls = expand(plan).order_parts(wanted, inside)
     return replace(group, calls=(*calls, *((n, -1) for n in group.nodes)))
 
 

@@ -15,7 +15,8 @@ from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.forms import Wiring, wire
 from hierc.runtime.machine.unit import Unit, parse_function
 from hierc.runtime.methods.radau_tables import RADAU5, RADAU9
-from hierc.runtime.system import System, parameter_vector
+from hierc.runtime.parameters import parameter_vector
+from hierc.runtime.system import System
 
 RNG = np.random.default_rng(5)
 
@@ -54,6 +55,16 @@ CASES = pytest.mark.parametrize(
 )
 
 
+def published(wiring: Wiring) -> list[tuple[int, int]]:
+    """(element, out) of what a single group publishes."""
+    return list(zip(wiring.published[0].tolist(), wiring.outs, strict=True))
+
+
+def outs(system: System, t: Floats, x: Floats, node: int, out: int) -> list[float]:
+    """An out by plain Python, at times t (count,) and states x (count, n)."""
+    return [system.outs_of(node, system.world_at(s, row))[out] for s, row in zip(t, x, strict=True)]
+
+
 class Group:
     """One group of a plan as machine code, and what it reads and computes according to `System`."""
 
@@ -62,7 +73,7 @@ class Group:
         self.system = System(plan, parameter_vector(plan, {}))
         self.wiring: Wiring = wire(plan)[g]
         self.n = self.wiring.form.states
-        self.values = np.array([v for node in self.wiring.values for v in self.system.values[node]] or [0.0])
+        self.values = np.array([*self.system.values_of(self.wiring.values[0]), 0.0])
         first = self.system.offsets[plan.groups[g].nodes[0]]
         self.own = slice(first, first + self.n)
 
@@ -75,13 +86,14 @@ class Group:
         """What the group's channels hold, (inputs, lanes), where all states are x (lanes, n)."""
         wirings = wire(self.plan)
         into = room(self.wiring.form.inputs, self.lanes)
-        for k, (owner, channel) in enumerate(self.wiring.channels):
+        pairs = zip(self.wiring.owners[0].tolist(), self.wiring.channels[0].tolist(), strict=True)
+        for k, (owner, channel) in enumerate(pairs):
             other = Group(self.plan, owner, self.lanes)
             if channel < other.n:
                 into[k] = x[:, other.own.start + channel]
             else:
-                node, out = wirings[owner].published[channel - other.n]
-                into[k] = [self.system._outs(s, row)[1][node][out] for s, row in zip(t, x, strict=True)]
+                node, out = published(wirings[owner])[channel - other.n]
+                into[k] = outs(self.system, t, x, node, out)
         return into
 
     def states(self, x: Floats) -> Floats:
@@ -116,16 +128,15 @@ def test_right_hand_side(plan: Plan, g: int, lanes: int) -> None:
 def test_published_outs(plan: Plan, g: int) -> None:
     group = Group(plan, g, 4)
     wirings = wire(plan)
-    readers = [w for w in wirings if any(owner == g for owner, _ in w.channels)]
     t, x = some_states(group)
     composer = group.composer()
-    out = room(len(group.wiring.published), 4)
+    out = room(len(group.wiring.outs), 4)
     exported(composer.unit, composer.publish())(t, group.states(x), group.inputs(t, x), group.values, out)
-    for k, (node, number) in enumerate(group.wiring.published):
-        wanted = [group.system._outs(s, row)[1][node][number] for s, row in zip(t, x, strict=True)]
+    for k, (node, number) in enumerate(published(group.wiring)):
+        wanted = outs(group.system, t, x, node, number)
         assert out[k] == pytest.approx(wanted, rel=1e-14, abs=1e-14)
-    read = {c for w in readers for owner, c in w.channels if owner == g and c >= group.n}
-    assert read == set(range(group.n, group.n + len(group.wiring.published)))
+    read = {int(c) for w in wirings for c in w.channels[w.owners == g] if c >= group.n}
+    assert read == set(range(group.n, group.n + len(group.wiring.outs)))
 
 
 @pytest.mark.parametrize("tables", [RADAU5, RADAU9], ids=["4 lanes", "8 lanes"])
@@ -203,12 +214,12 @@ def test_what_only_a_published_out_reads() -> None:
     # As a compiler leaves it that sees which inputs a right-hand side does not read.
     groups = [replace(g, calls=((2, -1),)) if g.name == "teller" else g for g in plan.groups]
     plan = replace(plan, groups=tuple(groups))
-    assert [w.published for w in wire(plan)] == [((0, 0),), ((2, 0),), ()]
+    assert [published(w) for w in wire(plan)] == [[(0, 0)], [(2, 0)], []]
     group = Group(plan, 1, 4)
     t, x = some_states(group)
     composer, out = group.composer(), room(1, 4)
     exported(composer.unit, composer.publish())(t, group.states(x), group.inputs(t, x), group.values, out)
-    wanted = [group.system._outs(s, row)[1][2][0] for s, row in zip(t, x, strict=True)]
+    wanted = outs(group.system, t, x, 2, 0)
     assert out[0] == pytest.approx(wanted, rel=1e-14)
 
 

@@ -46,7 +46,7 @@ class Equations:
         form = simulation.wiring[g].form
         self.call: CallForm = form.calls[-1]
         self.publishing, self.published = form.publishing, form.published
-        self.kind = simulation.plan.classes[self.call.kind]
+        self.kind = simulation.elements.plan.classes[self.call.kind]
         self.method = METHODS[simulation.settings[g].method]
         self.n = form.states
         if isinstance(self.method, Radau):
@@ -122,7 +122,9 @@ def python_group(simulation: Simulation, g: int) -> SimpleNamespace:
     for name, kind in records.Group.fields().items():
         is_array = getattr(kind, "__origin__", None) is Array
         setattr(record, name, None if is_array else simulation.groups[name][g].item())
-    composer = Composer(Unit("oracle"), "oracle", form, simulation.plan.classes, parse_function, method.lanes)
+    composer = Composer(
+        Unit("oracle"), "oracle", form, simulation.elements.plan.classes, parse_function, method.lanes
+    )
     made = method.names(composer)
     equations = Equations(simulation, g)
     names = {
@@ -135,21 +137,24 @@ def python_group(simulation: Simulation, g: int) -> SimpleNamespace:
     for piece in method.pieces:
         setattr(record, piece.__name__, pieces[piece.__name__])
     n = form.states
-    first = sum(w.form.states for w in simulation.wiring[:g])
+    wiring = simulation.wiring[g]
+    first = int(simulation.elements.group_offsets[g])
     record.x = np.concatenate([simulation.initial[first : first + n], np.zeros(n)])
-    record.p = np.array([v for node in simulation.wiring[g].values for v in simulation.system.values[node]])
+    record.p = simulation.system.values_of(wiring.values[0])
     record.absolute = np.full(n, settings.atol)
     record.u = np.zeros(max(form.inputs, 1) * max(method.input_rows, 1) * 2).reshape(-1, method.lanes)
     record.work = np.zeros(-(-made.work // method.lanes) * method.lanes).reshape(-1, method.lanes)
     record.capacity = ROOM
     record.track = np.zeros(ROOM * record.stride)
-    owners = [owner for owner, _ in simulation.wiring[g].channels]
+    owners = wiring.owners[0].tolist()
     record.sources = [
         SimpleNamespace(group=o, first=owners.index(o), count=owners.count(o), cursor=0)
         for o in dict.fromkeys(owners)
     ]
-    widths = [METHODS[s.method].width for s in simulation.settings]
-    record.channels = [HEADER + c * widths[o] for o, c in simulation.wiring[g].channels]
+    widths = [METHODS[m].width for m in simulation.settings.methods]
+    record.channels = [
+        HEADER + c * widths[o] for o, c in zip(owners, wiring.channels[0].tolist(), strict=True)
+    ]
     return record
 
 
@@ -173,7 +178,7 @@ def beside(model: Model, methods: Sequence[str], attempts: int) -> None:
     names = [g.name for g in model.plan.groups]
     overrides = {name: {"method": method} for name, method in zip(names, methods, strict=True)}
     overrides[names[0]]["max_step"] = 0.04
-    chosen = group_settings(model.plan, model.engine.wiring, settings, overrides)
+    chosen = group_settings(model.engine.elements, model.engine.wiring, settings, overrides)
     simulation = Simulation(model.engine, model.system(), chosen, 0.0, 0.5)
     groups = [python_group(simulation, g) for g in range(len(names))]
     run = SimpleNamespace(**{k: simulation.run[k][0].item() for k in records.Run.fields()})
@@ -188,7 +193,7 @@ def beside(model: Model, methods: Sequence[str], attempts: int) -> None:
         for name in ("t", "trial", "previous", "last_size"):
             assert getattr(record, name) == pytest.approx(machine[name], rel=1e-12), name
         used = record.count * record.stride
-        track = simulation.tracks[g].array[:used].reshape(-1, record.stride)
+        track = simulation.tracks.array(g)[:used].reshape(-1, record.stride)
         assert record.track[:used].reshape(-1, record.stride) == pytest.approx(track, rel=1e-12, abs=1e-9)
 
 

@@ -29,6 +29,9 @@ class Values:
     def panels(self) -> dict[str, list[str]]:
         return self._panels
 
+    def unit(self, name: str) -> str | None:
+        return self.units[name.partition("[")[0]]
+
     def columns(self, names: list[str]) -> dict[str, np.ndarray]:
         sizes = {"_a.p": 2, "many": 40}
         return {

@@ -1,0 +1,121 @@
+"""The parameter vector: defaults, constants, and what users give by name.
+
+A name stands for one element, `car[3].tau`, or for several, `car.tau` and `car[2..5].tau`: then a number (or an array of the parameter's own shape) goes
+to each of them, and an array of the shape (elements, *shape) gives one to each. Where names overlap the one that means fewer elements holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hierc.runtime.contract import Defaults, Parameter, Plan
+from hierc.runtime.elements import expanded, index_table
+from hierc.runtime.errors import SettingError
+from hierc.runtime.paths import Catalogue, PathError, Selection
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+_NAN = float("nan")
+_FAULTS = (ZeroDivisionError, ValueError, OverflowError)
+
+
+def catalogue(plan: Plan) -> Catalogue:
+    """The names of a plan's parameters."""
+    return Catalogue("no parameter", [(p.path, p.count, p.indices) for p in plan.parameters])
+
+
+def parameter_vector(plan: Plan, given: Mapping[str, object]) -> Floats:
+    """All parameters' scalars, in SI: those given by path, in their declared units, the others by their defaults.
+
+    Raises SettingError naming a wrong one.
+    """
+    q = np.full(plan.parameter_count, _NAN)
+    for first, count, numbers in plan.constants:
+        q[first : first + count] = numbers if isinstance(numbers, tuple) else expanded(numbers, count)
+    for places, array in _given(plan, given):
+        q[places] = array
+    values = q.tolist()
+    try:
+        plan.parameters_function(values)
+        q = np.asarray(values, np.float64)
+        for defaults in plan.defaults:
+            _complete(defaults, q)
+    except _FAULTS as error:
+        raise SettingError(f"the parameters of {plan.name} cannot be computed: {error}") from None
+    return q
+
+
+def _complete(defaults: Defaults, q: Floats) -> None:
+    """Give the parameters of a block their defaults. Elements that are given the same have the same."""
+    entries = index_table(defaults.entries, defaults.count)
+    rows = np.concatenate([q[index_table(defaults.given, defaults.count)], q[entries]], axis=1)
+    known: dict[bytes, list[float]] = {}
+    found = []
+    given = len(defaults.given)
+    for row in rows:
+        key = row.tobytes()
+        if key not in known:
+            numbers = row.tolist()
+            known[key] = numbers[given:]
+            defaults.function(numbers[:given], known[key])
+        found.append(known[key])
+    q[entries] = found
+
+
+def _given(plan: Plan, given: Mapping[str, object]) -> list[tuple[Integers, Floats]]:
+    """Places in the parameter vector, and what is given for them, particular names last."""
+    if not given:
+        return []
+    known = catalogue(plan)
+    found = []
+    for path, value in given.items():
+        try:
+            selection = known.find(path)
+        except PathError as error:
+            raise SettingError(str(error)) from None
+        if selection.subscripts is not None:
+            raise SettingError(f"no parameter `{path}`: give `{selection.name}` as a whole")
+        parameters = [plan.parameters[k] for k in known.entries(selection.named.plain)]
+        if parameters[0].structural:
+            raise SettingError(
+                f"`{path}` is built into the code of {plan.name}: give it when the model is loaded"
+            )
+        found.append((places(plan.parameters, selection), _checked(parameters[0], selection, value)))
+    return sorted(found, key=lambda item: -len(item[0]))
+
+
+def places(parameters: Sequence[Parameter], selection: Selection) -> Integers:
+    """Where in the parameter vector the scalars of some elements stand: (elements, scalars of each)."""
+    named = selection.named
+    size = int(np.prod(parameters[named.entry[0]].shape, dtype=np.int64))
+    firsts = np.array([p.first for p in parameters], np.int64)[named.entry[selection.chosen]]
+    return np.asarray((firsts + size * named.row[selection.chosen])[:, None] + np.arange(size))
+
+
+def _checked(parameter: Parameter, selection: Selection, value: object) -> Floats:
+    """What is given for each of the elements, (elements, scalars of each), in SI."""
+    name = selection.name
+    try:
+        if np.asarray(value).dtype.kind not in "biuf":
+            raise TypeError
+        array = np.asarray(value, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise SettingError(f"`{name}` is a number or an array of numbers, not {value!r}") from None
+    if array.shape not in (parameter.shape, selection.shape + parameter.shape):
+        one = "a number" if not parameter.shape else f"an array of shape {parameter.shape}"
+        each = f", or {selection.shape + parameter.shape} for one each" if selection.shape else ""
+        raise SettingError(f"`{name}` is {one}{each}; got shape {array.shape}")
+    with np.errstate(over="ignore"):
+        si = array * parameter.scale
+    if not np.isfinite(si).all():
+        raise SettingError(f"`{name}` must be finite, not {value!r}")
+    if parameter.kind == "int" and not (array == np.round(array)).all():
+        raise SettingError(f"`{name}` is an int, not {value!r}")
+    if parameter.kind == "bool" and not np.isin(array, (0.0, 1.0)).all():
+        raise SettingError(f"`{name}` is true or false, not {value!r}")
+    size = int(np.prod(parameter.shape, dtype=np.int64))
+    flat = si.reshape(-1, size)
+    return np.asarray(np.broadcast_to(flat, (len(selection.chosen), size)))
