@@ -11,6 +11,7 @@ from machine_code import Floats, exported, room
 from small_models import ARM, DECAY, MIXER, OSCILLATOR, At, a_class, a_plan
 
 from hierc.runtime.contract import Plan
+from hierc.runtime.machine import compose
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.forms import Wiring, wire
 from hierc.runtime.machine.unit import Unit, parse_function
@@ -233,3 +234,22 @@ def test_a_switch_is_not_linear() -> None:
     lines = ["if t > 1.0:", "    a = 1.0", "else:", "    a = 2.0"]
     timed = a_class("Timed", {"x": "a - x[0]"}, {(0, 0): "-1.0"}, first=lines)
     assert Group(a_plan({"timed": At(timed)}), 0, 4).composer().linear()
+
+
+def test_a_large_group_is_called_and_computes_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is too large to become part of every piece differs in nothing else."""
+    plan = a_plan(NODES, GROUPINGS[0], PARAMETERS)
+    group = Group(plan, 0, 8)
+    t, x = some_states(group)
+    u, p = group.inputs(t, x), group.values
+    results = []
+    for limit in (compose.INLINED, 0):
+        monkeypatch.setattr(compose, "INLINED", limit)
+        fixed, rest = group.composer(), group.composer()
+        assert ("noinline" in rest.rhs.function.attributes) == (limit == 0)
+        v, dx = room(fixed.saved, 8), room(group.n, 8)
+        exported(fixed.unit, fixed.rhs_fixed)(t, u, p, v)
+        exported(rest.unit, rest.rhs)(t, group.states(x), u, p, dx, v)
+        results.append(dx)
+    assert (results[0] == results[1]).all()
+    assert (results[0] != 0.0).any()

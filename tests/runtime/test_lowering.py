@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -10,7 +11,7 @@ from machine_code import Floats, compiled, definition, over_lanes, room, run_bot
 from random_text import random_function
 
 from hierc.runtime.machine.types import UnsupportedCode
-from hierc.runtime.machine.unit import Unit
+from hierc.runtime.machine.unit import CROWDED, Unit
 
 RNG = np.random.default_rng(20250611)
 
@@ -238,3 +239,19 @@ def test_a_scalar_that_gets_lanes_within_a_loop_is_refused() -> None:
     scalar_that_widens.__annotations__["x"] = Lanes
     with pytest.raises(UnsupportedCode, match="scalar before a loop"):
         Unit("test").lower(scalar_that_widens, lanes=4, export="entry")
+
+
+def test_many_elementary_functions_are_called_rather_than_written_out() -> None:
+    """They give what they give when they are few."""
+    count = CROWDED + 5
+    lines = [
+        f"    dx[{k}] = math.{name}(x[{k}] + x[0])\n"
+        for k, name in zip(range(count), itertools.cycle(("sin", "cos", "exp")))
+    ]
+    text = "def rhs(t, x, dx):\n" + "".join(lines)
+    few = "def rhs(t, x, dx):\n" + "".join(lines[:3])
+    x = RNG.normal(0, 3, (64, count))
+    expected, found = run_both(text, {"t": np.zeros(64), "x": x}, "dx", count, 8)
+    _, alone = run_both(few, {"t": np.zeros(64), "x": x}, "dx", 3, 8)
+    assert ulps(found, expected) <= 2.0
+    assert same_bits(found[:, :3], alone)
