@@ -113,7 +113,7 @@ def _even(codes: Integers) -> None:
         raise _Uneven(np.unique(codes, axis=1, return_inverse=True)[1].ravel())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class _Wiring:
     """What all groups share. `homes`: the group of each element that has one, otherwise -1."""
 

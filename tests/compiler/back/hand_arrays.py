@@ -498,6 +498,21 @@ def mixed(n) -> m.Model:
     return build_arrays("Mixed", [first, rest, watcher], groups)
 
 
+def relay(n) -> m.Model:
+    """Engines driven by stateless controls that read the acceleration of the engine ahead: all in one group, so that outs of two arrays take turns."""
+    numbers = np.arange(1, n + 1)
+    head = Block("control[]", "Control", indices=(numbers[:1],))
+    head.alge("u", sin_of(e_time()))
+    rest = Block("control[]", "Control", indices=(numbers[1:],))
+    rest.alge("u", 0.8 * rest.read("engine[]", "v", "rate", (numbers[:-1],)))
+    engine = Block("engine[]", "Engine", indices=(numbers,))
+    u = engine.read("control[]", "u", "local", (numbers,))
+    engine.diff("v", u - engine.state("v", 0.1 * engine.index(numbers)))
+    return build_arrays(
+        "Relay", [head, rest, engine], lambda number: [m.Group("all", (number("engine[]", numbers),))]
+    )
+
+
 def ladder(n) -> m.Model:
     """x of rung i starts at z of rung i - 1, z at twice y of post i, y at x of rung i and one more: rungs and posts need each other's."""
     numbers = np.arange(1, n + 1)

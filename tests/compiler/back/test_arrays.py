@@ -31,6 +31,7 @@ MODELS = {
     "queue": lambda: models.queue(5),
     "mixed": lambda: models.mixed(5),
     "ladder": lambda: models.ladder(6),
+    "relay": lambda: models.relay(7),
     **{f"lottery {k}": partial(models.lottery, k) for k in range(40)},
 }
 
@@ -171,6 +172,11 @@ def test_chains_of_outs_are_called_element_by_element():
     assert p.groups[0].calls == ((0, 0), (Run(1, 7), 0), (0, -1), (Run(1, 8), -1))
     p = System(generate(models.train(9, back=True))).plan
     assert p.groups[0].calls[:2] == ((0, 0), (Run(8, 7, -1), 0))
+
+
+def test_chains_through_two_blocks_take_turns():
+    p = System(generate(models.relay(4))).plan
+    assert p.groups[0].calls == ((0, 0), (4, 0), (1, 0), (5, 0), (2, 0), (6, 0), (3, 0), (Run(4, 4), -1))
 
 
 def test_families_of_groups_of_several_elements():
