@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from random import Random
 
 import numpy as np
@@ -58,23 +58,19 @@ class Tried:
         """All functions as machine code."""
         self.case.check_machine_code(self.numbers)
 
-    def same(self, text: str, prefix: str = "") -> None:
-        """Another text with the same derivatives and initial values, to the last bit; `prefix` stands before the names of its states."""
+    def same(self, text: str, renamed: Callable[[str], str] = str) -> None:
+        """Another text with the same initial values and derivatives, to the last bit. `renamed`: what a state is called there."""
         other = Case(text)
-        for what, x in (("initial value", None), ("derivative", self.x)):
-            ours, theirs = (
-                c.by_path(c.model.initial(self.t) if x is None else c.model.rhs(self.t, self._vector(c, p)))
-                for c, p in ((self.case, ""), (other, prefix))
-            )
-            for path, value in ours.items():
-                found = theirs[prefix + path]
-                if not np.array_equal(found, value, equal_nan=True):
-                    raise Different(f"{what} of `{path}`: {found} for {value}")
-
-    def _vector(self, case: Case, prefix: str) -> Floats:
-        """The state in the order of another model's."""
-        at = self.case.by_path(self.x)
-        return np.array([at[path.removeprefix(prefix)][element] for path, element in case.places], np.float64)
+        at = {renamed(path): value for path, value in self.case.by_path(self.x).items()}
+        moved = np.array(other.vector(at), np.float64)
+        for what, ours, theirs in (
+            ("initial value", self.case.model.initial(self.t), other.model.initial(self.t)),
+            ("derivative", self.case.model.rhs(self.t, self.x), other.model.rhs(self.t, moved)),
+        ):
+            found = other.by_path(theirs)
+            for path, value in self.case.by_path(ours).items():
+                if not np.array_equal(found[renamed(path)], value, equal_nan=True):
+                    raise Different(f"{what} of `{path}`: {found[renamed(path)]} for {value}")
 
 
 #: What is tried of every model, and what of some.
@@ -89,10 +85,15 @@ def attempt(block: Block, seed: int, names: tuple[str, ...]) -> Exception | None
         for name in names:
             getattr(tried, name)()
     except ModelError as error:
-        return None if {p.code for p in error.problems} == {"E581"} else error
+        return None if codes(error) == {"E581"} else error
     except Exception as error:
         return error
     return None
+
+
+def codes(error: ModelError) -> set[str]:
+    """What is wrong, without warnings."""
+    return {p.code for p in error.problems if p.code.startswith("E")}
 
 
 def reduced(block: Block, seed: int, names: tuple[str, ...], kind: type[Exception]) -> Block:

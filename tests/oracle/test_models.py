@@ -16,7 +16,7 @@ EACH = 10
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("first", range(0, 240, EACH))
+@pytest.mark.parametrize("first", range(0, 120, EACH))
 def test_random_models(first: int) -> None:
     for seed in range(first, first + EACH):
         block = random_model(Random(seed), Wishes())

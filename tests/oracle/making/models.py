@@ -23,11 +23,12 @@ SIZES: list[Shape] = [(), (), (), ("2",), ("3",), ("2", "2"), ("2", "3")]
 
 @dataclass(frozen=True)
 class Wishes:
-    """What models may have. `arrays`: arrays of agents; `nested`: levels in levels; `large`: how many agents and equations."""
+    """What models may have. `arrays`: arrays of agents; `nested`: levels in levels; `large`: how many agents; `style`: how units are written."""
 
-    nested: bool = False
+    nested: bool = True
     arrays: bool = False
     large: float = 1.0
+    style: Style | None = None
 
 
 @dataclass
@@ -90,7 +91,7 @@ class FileMaker:
 
     def __init__(self, rng: Random, wishes: Wishes) -> None:
         self.rng, self.wishes = rng, wishes
-        style: Style = rng.choice(["none", "coherent", "mixed", "mixed"])
+        style = wishes.style or rng.choice(["none", "coherent", "mixed", "mixed"])
         self.writer = Writer(rng, style)
         self.rash = rng.choice([0.0, 0.0, 0.1])
         self.file = Block()
