@@ -169,6 +169,9 @@ def form(at: Situation) -> str:
     kind = statement(at)
     if not kind or at.accepts & {"NUMBER", "ADD", "SEMICOLON"} or words.begins_statement(at.accepts):
         return ""
+    before = "" if at.previous is None else at.previous.type
+    if before == "DOT" or (before == "FOR" and kind != "FOR"):
+        return ""  # in the middle of a path or an expression
     what, example = _form(kind, block(at))
     return f"{what} has the form `{example}`"
 

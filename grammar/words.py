@@ -71,6 +71,8 @@ def expected(accepts: Set[str], name: str = "a name") -> str:
         phrases = ["an expression", *(p for p in phrases if p not in beginnings)]
     elif len(phrases) > 1:  # brackets that may follow a name say little beside what must follow
         phrases = [p for p in phrases if p not in ("`[`", "`(`")] or phrases
+    if "PRIME" in accepts and phrases == [PHRASES["LSQB"]]:
+        phrases = [_OPTIONAL["PRIME"]]  # the left side of a differential equation
     if not phrases:
         phrases = [_OPTIONAL[t] for t in _OPTIONAL if t in accepts]
     return _listed(phrases) or "something else"
