@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from hierc.compiler.driver import compile_source
 from hierc.grammar.source import SourceFile
-from hierc.runtime.system import System, parameter_vector
+from hierc.runtime.parameters import parameter_vector
+from hierc.runtime.system import System
 
 Floats = NDArray[np.float64]
 
