@@ -50,8 +50,13 @@ SINGLE = Domain(1, None, np.zeros(1, np.int64), ())
 
 def array_domain(outer: Domain, first: int, size: int) -> Domain:
     """`size` elements, with indices from `first` on, in each element of `outer`."""
-    places = np.repeat(np.arange(outer.count), size)
-    own = np.tile(np.arange(first, first + size), outer.count)
+    return indexed_domain(outer, np.arange(first, first + size))
+
+
+def indexed_domain(outer: Domain, numbers: Integers) -> Domain:
+    """Elements with these indices in each element of `outer`."""
+    places = np.repeat(np.arange(outer.count), len(numbers))
+    own = np.tile(numbers, outer.count)
     return Domain(len(own), outer, places, (*(column[places] for column in outer.indices), own))
 
 

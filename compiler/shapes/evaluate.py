@@ -72,8 +72,19 @@ class Scope(Protocol):
         """The whole value that a reference names, before its last subscripts are applied."""
         ...
 
-    def reduced(self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None) -> Expr | None:
-        """A sum or extreme of a variable over many agents of an array, computed by itself; None where `ref` names no such thing, or few."""
+    def reduced(
+        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
+    ) -> Expr | None:
+        """A sum or extreme of a variable over many agents of an array, computed by itself; None where `ref` names no such thing, or few.
+
+        `subs`: what the subscripts after the variable choose.
+        """
+        ...
+
+    def reduced_over(
+        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
+    ) -> Expr | None:
+        """The same of an expression for each of many indices; None where there are few, or it cannot be evaluated for all of them alike."""
         ...
 
 
@@ -105,7 +116,15 @@ class Values:
             raise self.refused.get(ref.path.text, Rejected())
         return value.at(ref.span)
 
-    def reduced(self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None) -> Expr | None:
+    def reduced(
+        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
+    ) -> Expr | None:
+        """See `Scope`: there are no agents here."""
+        return None
+
+    def reduced_over(
+        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
+    ) -> Expr | None:
         """See `Scope`: there are no agents here."""
         return None
 
@@ -475,11 +494,16 @@ def _reduced(call: tree.Call, env: Environment) -> Value | None:
     operation = REDUCTIONS.get(call.function.text)
     if operation is None or len(call.args) != 1:
         return None
-    (arg,) = call.args
-    if not isinstance(arg, tree.Ref) or len(arg.path.steps) != 2 or arg.path.steps[-1].subs:
-        return None
-    first = arg.path.steps[0]
-    alone = env.scope.reduced(operation, arg, _chosen(first, env) if first.subs else None)
+    alone: Expr | None = None
+    match call.args[0]:
+        case tree.Ref(path=path) as ref if len(path.steps) == 2:
+            chosen = _chosen(path.steps[0], env) if path.steps[0].subs else None
+            subs = [_indices(sub, env) for sub in path.steps[1].subs]
+            alone = env.scope.reduced(operation, ref, chosen, subs)
+        case tree.Comprehension(over=over) as comprehension:
+            alone = env.scope.reduced_over(operation, comprehension, _indices(over.range, env), env)
+        case _:
+            pass
     return None if alone is None else scalar_of("real", alone)
 
 

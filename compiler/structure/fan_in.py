@@ -73,19 +73,19 @@ class FanIns:
         expr: Expr = Gather(span, kind, column(scalars[:, 0]))
         for k in range(1, scalars.shape[1]):
             expr = Apply(span, operation, (expr, Gather(span, kind, column(scalars[:, k]))))
-        first = self._first()
+        return self._add(name, _NAMES[operation], expr, replace(around, domain=domain), span)
+
+    def computed(self, expr: Expr, at: Instance, span: Span) -> Integers:
+        """The variables, one for each element of `at`, of a block of nodes that compute an expression."""
+        return self._add(f"each of {span.text}", "each", expr, at, span)
+
+    def _add(self, name: str, template: str, expr: Expr, at: Instance, span: Span) -> Integers:
+        first, domain = self._first(), at.domain
         node = len(self.storage.nodes) + len(self.nodes)
-        here = replace(around, domain=domain)
-        self.nodes.append(
-            FlatNode(
-                here, None, False, around.named(name), _NAMES[operation], span, around.standing(None),
-                (*around.place, (inf, len(self.nodes))),
-            )
-        )  # fmt: skip
+        place = (*at.place, (inf, len(self.nodes)))
+        self.nodes.append(FlatNode(at, None, False, at.named(name), template, span, at.standing(None), place))
         self.definitions.append(
-            FlatDefinition(
-                name, around.named(name), expr, span, node, hidden=True, domain=domain, first=first
-            )
+            FlatDefinition(name, at.named(name), expr, span, node, hidden=True, domain=domain, first=first)
         )
         self._count += domain.count
         return np.arange(first, first + domain.count)

@@ -213,6 +213,23 @@ class _Flattener:
         """See `scope.Owner`."""
         return self._fan_ins.joined(operation, kind, scalars, around, span)
 
+    def spread(self, scope: InstanceScope, env: Environment) -> Environment:
+        """See `scope.Owner`."""
+        view = scope.view
+        assert view is not None
+        at = replace(scope.instance, domain=view.domain)
+
+        def define(name: str, expr: Expr) -> Expr:
+            return self._define(name, at, expr, expr.span or at.agent.definition.span, hidden=True)
+
+        gathering = _Gathering(self.storage, self._parameters.tables)
+        return replace(env, scope=scope, sharing=Sharing(define), gathering=gathering)
+
+    def computed(self, expr: Expr, around: Instance, domain: Domain, span: Span) -> Integers:
+        """See `scope.Owner`."""
+        at = replace(around, domain=domain)
+        return self._fan_ins.computed(self._shallow(expr, "term", at), at, span)
+
     def placed(self, value: Value, span: Span) -> Value:
         """A `let` or coupling used at `span`. Variables in it stay where the text names them: that is what a problem points at."""
         elements = (

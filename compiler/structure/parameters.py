@@ -17,7 +17,7 @@ from hierc.compiler import expression, model
 from hierc.compiler.arrays.domains import Domain
 from hierc.compiler.arrays.errors import StructuralElement
 from hierc.compiler.collector import Rejected
-from hierc.compiler.columns import Column, Integers, column, taken
+from hierc.compiler.columns import Column, Index, Integers, column, taken
 from hierc.compiler.context import Context
 from hierc.compiler.expression import Choose, Expr, Gather
 from hierc.compiler.resolve.constants import ByName, agent_constants, literal, measured
@@ -101,7 +101,15 @@ class Brought:
         value = self.scope.lookup(ref, chosen)
         return replace(value, elements=tuple(brought(e, self.places) for e in value.elements))
 
-    def reduced(self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None) -> Expr | None:
+    def reduced(
+        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
+    ) -> Expr | None:
+        """See `evaluate.Scope`: parameters are no agents."""
+        return None
+
+    def reduced_over(
+        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
+    ) -> Expr | None:
         """See `evaluate.Scope`: parameters are no agents."""
         return None
 

@@ -5,22 +5,24 @@ Part of the phase `flatten.py`.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
 
-from hierc.compiler.arrays.domains import Domain
+from hierc.compiler.arrays.domains import Domain, indexed_domain
 from hierc.compiler.arrays.errors import NotAnArray, OutOfArray, ShapesOfElements
 from hierc.compiler.collector import Rejected
 from hierc.compiler.columns import Column, Index, Integers, column, expanded
 from hierc.compiler.equations.errors import DerivativeOfRead, NotAState
 from hierc.compiler.expression import Expr, Gather, Rate, State
 from hierc.compiler.resolve.declarations import Variable
-from hierc.compiler.shapes.evaluate import Chosen, Reduction, Values
-from hierc.compiler.shapes.values import Shape, Value, size_of
+from hierc.compiler.shapes.evaluate import Chosen, Environment, Reduction, Values, evaluate
+from hierc.compiler.shapes.values import Shape, Value, index_value, scalar_of, size_of
 from hierc.compiler.structure.instances import Array, Instance
 from hierc.compiler.structure.storage import Storage
+from hierc.compiler.walk import visit
 from hierc.grammar import tree
 from hierc.grammar.source import Span
 
@@ -54,6 +56,14 @@ class Owner(Protocol):
         self, operation: Reduction, kind: Kind, scalars: Integers, around: Instance, span: Span
     ) -> Integers:
         """The algebraic variables, one for each element of `around`, that join the scalars numbered in its row."""
+        ...
+
+    def spread(self, scope: InstanceScope, env: Environment) -> Environment:
+        """`env` for elements of a domain of their own that see an agent as `scope` has it."""
+        ...
+
+    def computed(self, expr: Expr, around: Instance, domain: Domain, span: Span) -> Integers:
+        """Algebraic variables, one for each element of `domain`, that stand for `expr`."""
         ...
 
     def brought(self, value: Value, view: View) -> Value:
@@ -164,23 +174,57 @@ class InstanceScope:
             raise Rejected  # not visible: reported
         return name, "rate" if ref.prime else "algebraic" if variable.declarator.initial is None else "state"
 
-    def reduced(self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None) -> Expr | None:
+    def reduced(
+        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
+    ) -> Expr | None:
         """See `evaluate.Scope`. Elements of an array that look at the same agent around them share what it makes."""
         array = self.instance.arrays.get(ref.path.steps[0].name.text)
         if array is None or (chosen is not None and not chosen.several):
             return None
         name, kind = self._variable(ref, array)
-        indices = _all(array) if chosen is None else chosen.indices
-        if len(indices) * size_of(self._shape(array, name, ref)) <= FEW:
+        indices: Sequence[Index] = _all(array) if chosen is None else chosen.indices
+        picked = _picked(len(indices), self._shape(array, name, ref), subs)
+        if picked is None or len(picked[0]) * len(picked[1]) <= FEW:
             return None
-        numbers = [index for index in indices if isinstance(index, int)]
-        if len(numbers) < len(indices):
+        rows, scalars = picked
+        numbers = [index for row in rows if isinstance(index := indices[row], int)]
+        if len(numbers) < len(rows):
             return None  # every element has its own
         slots = np.array([self._slots(array, index, chosen)[0] % array.size for index in numbers])
         around = np.arange(self.instance.domain.count)[:, None] * array.size + slots
-        scalars = np.concatenate([table[around] for table in self._tables(array, name)], axis=1)
-        found = self.owner.fan_in(operation, kind, scalars, self.instance, ref.span)
-        return Gather(ref.span, "algebraic", column(found if self.view is None else found[self.view.places]))
+        tables = self._tables(array, name)
+        joined = np.concatenate([tables[k][around] for k in scalars], axis=1)
+        return self._seen(self.owner.fan_in(operation, kind, joined, self.instance, ref.span), ref.span)
+
+    def reduced_over(
+        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
+    ) -> Expr | None:
+        """See `evaluate.Scope`. The expression is evaluated once, for an array of elements that have nothing but their index."""
+        numbers = [index for index in indices if isinstance(index, int)]
+        if self.view is not None or len(numbers) < len(indices) or len(numbers) <= FEW:
+            return None
+        if not any(name in self.instance.arrays for name in _first_names(comprehension.item)):
+            return None
+        domain = indexed_domain(self.instance.domain, np.array(numbers))
+        index = comprehension.over.index.text
+        inner = self.owner.spread(replace(self, view=View(domain, domain.places, index)), env)
+        try:
+            value = evaluate(
+                comprehension.item,
+                inner.bind(index, scalar_of("int", index_value(column(domain.indices[-1])))),
+            )
+        except Rejected:
+            return None  # what is wrong with it is said for a single index
+        if value.shape != () or value.scalar == "bool":
+            return None
+        span = comprehension.span
+        each = self.owner.computed(value.single, self.instance, domain, span)
+        joined = each.reshape(self.instance.domain.count, -1)
+        return self._seen(self.owner.fan_in(operation, "algebraic", joined, self.instance, span), span)
+
+    def _seen(self, numbers: Integers, span: Span) -> Expr:
+        """An algebraic variable of each element of the agent, as those that look at it see it."""
+        return Gather(span, "algebraic", column(numbers if self.view is None else numbers[self.view.places]))
 
     def _shape(self, array: Array, name: str, ref: tree.Ref) -> Shape:
         shapes = [self.owner.storage.shapes[block].get(name) for block in array.blocks]
@@ -237,6 +281,30 @@ class InstanceScope:
                 leaf = self.owner.storage.value(instance, name, span).elements[k]
                 return Rate(span, leaf.index) if kind == "rate" and isinstance(leaf, State) else leaf
         return None
+
+
+def _picked(count: int, shape: Shape, subs: list[list[Index]]) -> tuple[list[int], list[int]] | None:
+    """The agents, and of each the scalars, that subscripts after `car.p` choose; None where they are no such choice."""
+    if not subs:
+        return list(range(count)), list(range(size_of(shape)))
+    chosen = [[index - 1 for index in axis if isinstance(index, int)] for axis in subs]
+    sizes = (count, *shape)
+    inside = all(0 <= i < size for axis, size in zip(chosen, sizes, strict=False) for i in axis)
+    if (
+        len(subs) != len(sizes)
+        or not inside
+        or any(len(c) < len(s) for c, s in zip(chosen, subs, strict=True))
+    ):
+        return None
+    scalars = [0]
+    for axis, size in zip(chosen[1:], shape, strict=True):
+        scalars = [place * size + i for place in scalars for i in axis]
+    return chosen[0], scalars
+
+
+def _first_names(expr: tree.Expr) -> Iterator[str]:
+    """The names that references in an expression start with."""
+    return (here.node.path.steps[0].name.text for here in visit(expr) if isinstance(here.node, tree.Ref))
 
 
 def _all(array: Array) -> range:
