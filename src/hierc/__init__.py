@@ -18,15 +18,17 @@ from hierc.version import __version__
 if TYPE_CHECKING:
     from hierc.grammar.problems import ModelError
     from hierc.loader import compile, load
-    from hierc.runtime.errors import SettingError
+    from hierc.runtime.errors import ExternError, RunWarning, SettingError
     from hierc.runtime.model import Model
     from hierc.runtime.result import Interrupted, Result, SimulationError
 
 __all__ = [
+    "ExternError",
     "Interrupted",
     "Model",
     "ModelError",
     "Result",
+    "RunWarning",
     "SettingError",
     "SimulationError",
     "__version__",
@@ -35,10 +37,12 @@ __all__ = [
 ]
 
 _HOMES = {
+    "ExternError": "hierc.runtime.errors",
     "Interrupted": "hierc.runtime.result",
     "Model": "hierc.runtime.model",
     "ModelError": "hierc.grammar.problems",
     "Result": "hierc.runtime.result",
+    "RunWarning": "hierc.runtime.errors",
     "SettingError": "hierc.runtime.errors",
     "SimulationError": "hierc.runtime.result",
     "compile": "hierc.loader",
