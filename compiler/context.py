@@ -8,7 +8,7 @@ from hierc.compiler.collector import Collector
 from hierc.compiler.resolve.constants import UNSHARED, ByName
 from hierc.compiler.resolve.declarations import Library
 from hierc.compiler.resolve.names import Names
-from hierc.compiler.shapes.evaluate import Budget, Environment, Values
+from hierc.compiler.shapes.environment import Budget, Environment, Values
 
 
 @dataclass(frozen=True, slots=True)

@@ -188,8 +188,11 @@ class _Names:
     def _name(self, owner: int, scalar: Scalar, read: Mapping[Scalar, Integers]) -> str:
         kind, index = scalar
         rate = kind == "rate"
-        path, name = self._paths[owner, ("state", index) if rate else scalar]
-        whole = {("rate", k) if rate else (of, k) for of, k in self._scalars[owner, path]}
+        made = self._model.nodes[
+            owner
+        ].path  # a sum over agents is no variable: it is called what its node is
+        path, name = self._paths.get((owner, ("state", index) if rate else scalar), (made, made))
+        whole = {("rate", k) if rate else (of, k) for of, k in self._scalars.get((owner, path), {scalar})}
         node = self._model.nodes[owner]
         indices = [taken(column, read[scalar] - node.first) for column in node.indices]
         return spelled(path if read.keys() >= whole else name, indices) + ("'" if rate else "")

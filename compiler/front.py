@@ -40,7 +40,7 @@ from hierc.compiler.resolve.declarations import Library
 from hierc.compiler.resolve.errors import DeclaredTwice
 from hierc.compiler.resolve.names import Names, check_names, names_of
 from hierc.compiler.resolve.outside import Given, check_given
-from hierc.compiler.shapes.evaluate import Budget
+from hierc.compiler.shapes.environment import Budget
 from hierc.compiler.structure.elaboration import elaborate
 from hierc.compiler.structure.experiments import (
     Choice,

@@ -13,8 +13,9 @@ from hierc.compiler.collector import Collector, Rejected
 from hierc.compiler.expression import Apply, Choose, Expr, Number
 from hierc.compiler.resolve.declarations import Agent, Library
 from hierc.compiler.resolve.errors import ModelTooLarge
+from hierc.compiler.shapes.environment import Budget, Environment, Values
 from hierc.compiler.shapes.errors import NoFiniteValue
-from hierc.compiler.shapes.evaluate import Budget, Environment, Values, declared_shape, evaluate, expected
+from hierc.compiler.shapes.evaluate import declared_shape, evaluate, expected
 from hierc.compiler.shapes.operations import Sharing
 from hierc.compiler.shapes.values import Value, number
 from hierc.grammar import tree

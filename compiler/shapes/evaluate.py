@@ -6,18 +6,15 @@ In: an expression and an `Environment` that knows the names of its scope. Out: a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol, assert_never
-
-import numpy as np
+from dataclasses import replace
+from typing import assert_never
 
 from hierc.compiler.collector import Rejected
-from hierc.compiler.columns import Index, Integers, added, column, difference, expanded
-from hierc.compiler.expression import Choose, Expr, Gather, Number, Time
-from hierc.compiler.resolve.declarations import Library
+from hierc.compiler.columns import Index, added, difference
+from hierc.compiler.expression import Choose, Expr, Gather, Time
 from hierc.compiler.resolve.errors import ModelTooLarge
 from hierc.compiler.resolve.names import size_names
+from hierc.compiler.shapes.environment import REDUCTIONS, Chosen, Environment, Values
 from hierc.compiler.shapes.errors import (
     IndexOutside,
     NotAKnownInteger,
@@ -28,7 +25,8 @@ from hierc.compiler.shapes.errors import (
 )
 from hierc.compiler.shapes.folding import constant
 from hierc.compiler.shapes.functions import MAX_ELEMENTS, call_built_in, call_callee
-from hierc.compiler.shapes.operations import Sharing, binary, condition, unary
+from hierc.compiler.shapes.operations import binary, condition, unary
+from hierc.compiler.shapes.picking import picked
 from hierc.compiler.shapes.values import (
     Scalar,
     Shape,
@@ -44,121 +42,8 @@ from hierc.compiler.shapes.values import (
 from hierc.compiler.units.units import literal_in_si
 from hierc.grammar import tree
 
-#: Scalar operations that all expressions of a model may have before sharing.
-MAX_OPERATIONS = 1_000_000
-
 #: Most elements, and longest element, of a list that a message spells out.
 SMALL, LONGEST = 4, 12
-
-
-Reduction = Literal["add", "min", "max"]
-#: Functions that make one scalar of all elements of an array.
-REDUCTIONS: Mapping[str, Reduction] = {"sum": "add", "min": "min", "max": "max"}
-
-
-@dataclass(frozen=True, slots=True)
-class Chosen:
-    """Elements of an array of agents that a reference names by their indices: `car[i - 1]`, or several, `car[2..5]`."""
-
-    indices: tuple[Index, ...]
-    several: bool
-    step: tree.Step
-
-
-class Scope(Protocol):
-    """What names stand for."""
-
-    def lookup(self, ref: tree.Ref, chosen: Chosen | None) -> Value:
-        """The whole value that a reference names, before its last subscripts are applied."""
-        ...
-
-    def reduced(
-        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
-    ) -> Expr | None:
-        """A sum or extreme of a variable over many agents of an array, computed by itself; None where `ref` names no such thing, or few.
-
-        `subs`: what the subscripts after the variable choose.
-        """
-        ...
-
-    def reduced_over(
-        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
-    ) -> Expr | None:
-        """The same of an expression for each of many indices; None where there are few, or it cannot be evaluated for all of them alike."""
-        ...
-
-
-class Gathering(Protocol):
-    """How elements of an array take different scalars."""
-
-    def leaf(self, expr: Expr) -> Expr:
-        """A leaf as a `Gather` where that is possible; else as it is."""
-        ...
-
-    def table(self, numbers: tuple[float, ...]) -> int:
-        """The first of the entries of the parameter vector that hold these numbers."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class Values:
-    """A scope of values by name. `refused` has names with a problem that is reported where they are used; a name that is missing
-    altogether had one that was reported.
-    """
-
-    by_name: Mapping[str, Value]
-    refused: Mapping[str, Rejected] = field(default_factory=dict)
-
-    def lookup(self, ref: tree.Ref, chosen: Chosen | None = None) -> Value:
-        """The value of the name, at the place where it is used."""
-        value = self.by_name.get(ref.path.text)
-        if value is None:
-            raise self.refused.get(ref.path.text, Rejected())
-        return value.at(ref.span)
-
-    def reduced(
-        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
-    ) -> Expr | None:
-        """See `Scope`: there are no agents here."""
-        return None
-
-    def reduced_over(
-        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
-    ) -> Expr | None:
-        """See `Scope`: there are no agents here."""
-        return None
-
-
-class Budget:
-    """Counts the work of a compilation, so that no model can take all memory."""
-
-    def __init__(self, limit: int = MAX_OPERATIONS) -> None:
-        self._left = self._limit = limit
-
-    def spend(self, count: int, node: tree.Node) -> None:
-        """Take `count` from what is left; raises Rejected (E217) when nothing is."""
-        self._left -= count
-        if self._left < 0:
-            raise Rejected(
-                ModelTooLarge(node.span, what="operations in the equations of this model", limit=self._limit)
-            )
-
-
-@dataclass(frozen=True, slots=True)
-class Environment:
-    """All that evaluation needs. `indices` are the names bound by `for` and by function calls."""
-
-    library: Library
-    constants: Mapping[str, Value]  # of the file, and the built-in ones
-    scope: Scope
-    sharing: Sharing
-    budget: Budget
-    indices: Mapping[str, Value] = field(default_factory=dict)
-    gathering: Gathering | None = None  # where there are arrays of agents
-
-    def bind(self, name: str, value: Value) -> Environment:
-        """The environment inside a `for`, where `name` is `value`."""
-        return replace(self, indices={**self.indices, name: value})
 
 
 def evaluate(expr: tree.Expr, env: Environment) -> Value:
@@ -312,73 +197,6 @@ def index_in(value: Value) -> Index | None:
         return value.single.at
     known = constant(value.single)
     return None if known is None else int(known)
-
-
-def picked(ref: tree.Ref, value: Value, indices: list[list[Index]], env: Environment) -> Value:
-    """What each element of an array picks from a vector or matrix by subscripts that differ from element to element."""
-    last, count = ref.path.steps[-1], _common_length(indices)
-    if len(indices) != len(value.shape):
-        name, wanted = ref.path.text, len(value.shape)
-        raise Rejected(
-            WrongIndexCount(last.span, name=name, type=value.type, wanted=wanted, given=len(indices))
-        )
-    places = [np.zeros(count, np.int64)]
-    for axis, (choice, size) in enumerate(zip(indices, value.shape, strict=True), start=1):
-        columns = [expanded(index, count) for index in choice]
-        for column_ in columns:
-            if (outside := (column_ < 1) | (column_ > size)).any():
-                wrong = str(int(column_[np.argmax(outside)]))
-                raise Rejected(
-                    IndexOutside(
-                        last.subs[axis - 1].span,
-                        name=ref.path.text,
-                        sizes=value.shape,
-                        index=wrong,
-                        axis=axis,
-                    )
-                )
-        places = [place * size + column_ - 1 for place in places for column_ in columns]
-    shape = tuple(
-        len(choice) for choice, sub in zip(indices, last.subs, strict=True) if isinstance(sub, tree.Range)
-    )
-    return Value(value.scalar, shape, tuple(_gathered(value.elements, place, ref, env) for place in places))
-
-
-def _common_length(indices: list[list[Index]]) -> int:
-    return next(len(index) for axis in indices for index in axis if not isinstance(index, int))
-
-
-#: Expressions that the elements of an array may choose between, where they are not variables, parameters or numbers.
-MAX_CHOICES = 64
-
-
-def _gathered(elements: tuple[Expr, ...], places: Integers, ref: tree.Ref, env: Environment) -> Expr:
-    """One scalar in which each element of an array takes the one of `elements` at its own place."""
-    assert env.gathering is not None
-    used, which = np.unique(places, return_inverse=True)
-    leaves = [env.gathering.leaf(elements[place]) for place in used.tolist()]
-    if len(leaves) == 1:
-        return elements[int(used[0])]
-    numbers = [leaf.value for leaf in leaves if isinstance(leaf, Number)]
-    if len(numbers) == len(leaves):
-        if all(number.is_integer() for number in numbers):
-            return index_value(column(np.array(numbers).astype(np.int64)[which]), ref.span)
-        return Gather(ref.span, "parameter", column(env.gathering.table(tuple(numbers)) + which))
-    gathers = [leaf for leaf in leaves if isinstance(leaf, Gather)]
-    if len(gathers) == len(leaves) and len({gather.kind for gather in gathers}) == 1:
-        table = np.stack([expanded(gather.at, len(places)) for gather in gathers])
-        return Gather(ref.span, gathers[0].kind, column(table[which, np.arange(len(places))]))
-    if len(leaves) > MAX_CHOICES:
-        raise Rejected(
-            ModelTooLarge(
-                ref.span, what=f"a choice of {len(leaves)} expressions by an index", limit=MAX_CHOICES
-            )
-        )
-    chosen = elements[int(used[-1])]
-    for place in used[-2::-1].tolist():
-        here = index_value(column((places == place).astype(np.int64)), ref.span)
-        chosen = Choose(ref.span, here, elements[place], chosen)
-    return chosen
 
 
 def selected(

@@ -19,7 +19,8 @@ from hierc.compiler.columns import Column, Integers, difference
 from hierc.compiler.context import Context
 from hierc.compiler.expression import Gather
 from hierc.compiler.resolve.errors import TooManyInstances
-from hierc.compiler.shapes.evaluate import Environment, evaluate, index_in, known_integer
+from hierc.compiler.shapes.environment import Environment
+from hierc.compiler.shapes.evaluate import evaluate, index_in, known_integer
 from hierc.compiler.shapes.folding import constant
 from hierc.compiler.shapes.values import Value
 from hierc.compiler.structure.instances import Array, Instance, inside

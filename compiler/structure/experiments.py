@@ -19,7 +19,8 @@ from hierc.compiler.model import Experiment, Group, Node, Settings, Variable
 from hierc.compiler.resolve.declarations import Agent, Library
 from hierc.compiler.resolve.errors import GivenTwice, UnknownParameter
 from hierc.compiler.resolve.names import check_arguments, check_bindings
-from hierc.compiler.shapes.evaluate import Environment, evaluate
+from hierc.compiler.shapes.environment import Environment
+from hierc.compiler.shapes.evaluate import evaluate
 from hierc.compiler.shapes.folding import constant
 from hierc.compiler.structure.errors import (
     CannotSave,

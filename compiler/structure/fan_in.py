@@ -14,7 +14,7 @@ import numpy as np
 from hierc.compiler.arrays.domains import Domain
 from hierc.compiler.columns import Integers, column
 from hierc.compiler.expression import Apply, Expr, Gather
-from hierc.compiler.shapes.evaluate import Reduction
+from hierc.compiler.shapes.environment import Reduction
 from hierc.compiler.structure.flat import FlatDefinition, FlatNode
 from hierc.compiler.structure.instances import Instance
 from hierc.compiler.structure.scope import Kind

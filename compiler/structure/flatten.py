@@ -22,25 +22,18 @@ from hierc.compiler.equations.errors import DefinedTwice, NeverDefined, NoDeriva
 from hierc.compiler.expression import Choose, Expr, Gather, Local, Number, Rate, State
 from hierc.compiler.resolve.declarations import Equation, Variable
 from hierc.compiler.resolve.errors import GivenTwice
-from hierc.compiler.shapes.evaluate import (
-    Environment,
-    Reduction,
-    Values,
-    evaluate,
-    expected,
-    selected,
-    span_of,
-)
+from hierc.compiler.shapes.environment import Environment, Reduction, Values
+from hierc.compiler.shapes.evaluate import evaluate, expected, selected, span_of
 from hierc.compiler.shapes.operations import Sharing, condition
 from hierc.compiler.shapes.terms import cut, rewritten
 from hierc.compiler.shapes.values import Shape, Value, element_names, index_value, is_leaf, number
 from hierc.compiler.structure.fan_in import FanIns
 from hierc.compiler.structure.flat import Flat, FlatDefinition, FlatState
 from hierc.compiler.structure.instances import Instance
-from hierc.compiler.structure.parameters import Parameters, Tables, index_of_elements
+from hierc.compiler.structure.parameters import Parameters, index_of_elements
 from hierc.compiler.structure.paths import Gift, elements, elements_of
 from hierc.compiler.structure.scope import InstanceScope, Kind, View
-from hierc.compiler.structure.storage import Storage, allocate
+from hierc.compiler.structure.storage import Storage, StoredGathering, allocate
 from hierc.compiler.structure.variables import flat_variables
 from hierc.grammar import tree
 from hierc.grammar.source import Span
@@ -147,7 +140,7 @@ class _Flattener:
             return self._define(name, at, expr, expr.span or at.agent.definition.span, hidden=True)
 
         scope = InstanceScope(self, at if around is None else around)
-        gathering = _Gathering(self.storage, self._parameters.tables) if at.domain.count > 1 else None
+        gathering = StoredGathering(self.storage, self._parameters.tables) if at.domain.count > 1 else None
         env = replace(self._file, scope=scope, sharing=Sharing(define), gathering=gathering)
         if around is None or at.instance is None or at.instance.index is None:
             return env
@@ -222,7 +215,7 @@ class _Flattener:
         def define(name: str, expr: Expr) -> Expr:
             return self._define(name, at, expr, expr.span or at.agent.definition.span, hidden=True)
 
-        gathering = _Gathering(self.storage, self._parameters.tables)
+        gathering = StoredGathering(self.storage, self._parameters.tables)
         return replace(env, scope=scope, sharing=Sharing(define), gathering=gathering)
 
     def computed(self, expr: Expr, around: Instance, domain: Domain, span: Span) -> Integers:
@@ -430,22 +423,6 @@ def _over(mask: NDArray[np.bool_], value: Expr, before: Expr, node: tree.Node) -
     if not mask.any():
         return before
     return Choose(node.span, index_value(column(mask.astype(np.int64)), node.span), value, before)
-
-
-@dataclass(frozen=True, slots=True)
-class _Gathering:
-    """See `evaluate.Gathering`."""
-
-    storage: Storage
-    tables: Tables
-
-    def leaf(self, expr: Expr) -> Expr:
-        """See `evaluate.Gathering`."""
-        return self.tables.leaf(self.storage.gathered(expr))
-
-    def table(self, numbers: tuple[float, ...]) -> int:
-        """See `evaluate.Gathering`."""
-        return self.tables.table(numbers)
 
 
 def _iterations(over: tree.Over | None, env: Environment) -> Iterator[Environment]:

@@ -23,16 +23,8 @@ from hierc.compiler.expression import Choose, Expr, Gather
 from hierc.compiler.resolve.constants import ByName, agent_constants, literal, measured
 from hierc.compiler.resolve.outside import Given, outside_value
 from hierc.compiler.resolve.structural import structural_parameters
-from hierc.compiler.shapes.evaluate import (
-    Chosen,
-    Environment,
-    Reduction,
-    Scope,
-    Values,
-    declared_shape,
-    evaluate,
-    expected,
-)
+from hierc.compiler.shapes.environment import Chosen, Environment, Reduction, Scope, Values
+from hierc.compiler.shapes.evaluate import declared_shape, evaluate, expected
 from hierc.compiler.shapes.terms import rewritten
 from hierc.compiler.shapes.values import Shape, Value, index_value, scalar_of, size_of
 from hierc.compiler.structure.instances import Instance

@@ -18,7 +18,8 @@ from hierc.compiler.collector import Rejected
 from hierc.compiler.columns import Column, Integers, expanded
 from hierc.compiler.elements import Elements
 from hierc.compiler.model import Group, Node, Variable
-from hierc.compiler.shapes.evaluate import Environment, known_integer, selected, span_of
+from hierc.compiler.shapes.environment import Environment
+from hierc.compiler.shapes.evaluate import known_integer, selected, span_of
 from hierc.compiler.shapes.values import Shape, element_names, type_text
 from hierc.compiler.structure.errors import MatchesNothing, UnknownPath
 from hierc.compiler.structure.instances import Instance

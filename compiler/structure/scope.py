@@ -18,7 +18,8 @@ from hierc.compiler.columns import Column, Index, Integers, column, expanded
 from hierc.compiler.equations.errors import DerivativeOfRead, NotAState
 from hierc.compiler.expression import Expr, Gather, Rate, State
 from hierc.compiler.resolve.declarations import Variable
-from hierc.compiler.shapes.evaluate import Chosen, Environment, Reduction, Values, evaluate
+from hierc.compiler.shapes.environment import Chosen, Environment, Reduction, Values
+from hierc.compiler.shapes.evaluate import evaluate
 from hierc.compiler.shapes.values import Shape, Value, index_value, scalar_of, size_of
 from hierc.compiler.structure.instances import Array, Instance
 from hierc.compiler.structure.storage import Storage

@@ -12,12 +12,13 @@ from hierc.compiler.collector import Collector, Rejected
 from hierc.compiler.columns import Index, Integers, column
 from hierc.compiler.expression import Expr, Gather, Local, Number, Rate, State
 from hierc.compiler.resolve.declarations import Variable
+from hierc.compiler.shapes.environment import Environment
 from hierc.compiler.shapes.errors import AnalogNotReal
-from hierc.compiler.shapes.evaluate import Environment, declared_shape
+from hierc.compiler.shapes.evaluate import declared_shape
 from hierc.compiler.shapes.values import Shape, Value, element_names
 from hierc.compiler.structure.flat import FlatDefinition, FlatNode
 from hierc.compiler.structure.instances import Instance
-from hierc.compiler.structure.parameters import Parameters
+from hierc.compiler.structure.parameters import Parameters, Tables
 from hierc.grammar.source import Span
 
 
@@ -83,6 +84,22 @@ class Storage:
         is_state = instance.agent.variables[name].declarator.initial is not None
         firsts = [self.states[i].first if is_state else self.algebraic[i].first for i in indices]
         return [np.arange(first, first + instance.domain.count) for first in firsts]
+
+
+@dataclass(frozen=True, slots=True)
+class StoredGathering:
+    """See `evaluate.Gathering`."""
+
+    storage: Storage
+    tables: Tables
+
+    def leaf(self, expr: Expr) -> Expr:
+        """See `evaluate.Gathering`."""
+        return self.tables.leaf(self.storage.gathered(expr))
+
+    def table(self, numbers: tuple[float, ...]) -> int:
+        """See `evaluate.Gathering`."""
+        return self.tables.table(numbers)
 
 
 def allocate(

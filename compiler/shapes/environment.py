@@ -1,0 +1,128 @@
+"""Environments: what evaluation needs to know: the names of a scope, how to share, and how much work is left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal, Protocol
+
+from hierc.compiler.collector import Rejected
+from hierc.compiler.columns import Index
+from hierc.compiler.expression import Expr
+from hierc.compiler.resolve.declarations import Library
+from hierc.compiler.resolve.errors import ModelTooLarge
+from hierc.compiler.shapes.operations import Sharing
+from hierc.compiler.shapes.values import Value
+from hierc.grammar import tree
+
+#: Scalar operations that all expressions of a model may have before sharing.
+MAX_OPERATIONS = 1_000_000
+
+Reduction = Literal["add", "min", "max"]
+#: Functions that make one scalar of all elements of an array.
+REDUCTIONS: Mapping[str, Reduction] = {"sum": "add", "min": "min", "max": "max"}
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """Elements of an array of agents that a reference names by their indices: `car[i - 1]`, or several, `car[2..5]`."""
+
+    indices: tuple[Index, ...]
+    several: bool
+    step: tree.Step
+
+
+class Scope(Protocol):
+    """What names stand for."""
+
+    def lookup(self, ref: tree.Ref, chosen: Chosen | None) -> Value:
+        """The whole value that a reference names, before its last subscripts are applied."""
+        ...
+
+    def reduced(
+        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
+    ) -> Expr | None:
+        """A sum or extreme of a variable over many agents of an array, computed by itself; None where `ref` names no such thing, or few.
+
+        `subs`: what the subscripts after the variable choose.
+        """
+        ...
+
+    def reduced_over(
+        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
+    ) -> Expr | None:
+        """The same of an expression for each of many indices; None where there are few, or it cannot be evaluated for all of them alike."""
+        ...
+
+
+class Gathering(Protocol):
+    """How elements of an array take different scalars."""
+
+    def leaf(self, expr: Expr) -> Expr:
+        """A leaf as a `Gather` where that is possible; else as it is."""
+        ...
+
+    def table(self, numbers: tuple[float, ...]) -> int:
+        """The first of the entries of the parameter vector that hold these numbers."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """A scope of values by name. `refused` has names with a problem that is reported where they are used; a name that is missing
+    altogether had one that was reported.
+    """
+
+    by_name: Mapping[str, Value]
+    refused: Mapping[str, Rejected] = field(default_factory=dict)
+
+    def lookup(self, ref: tree.Ref, chosen: Chosen | None = None) -> Value:
+        """The value of the name, at the place where it is used."""
+        value = self.by_name.get(ref.path.text)
+        if value is None:
+            raise self.refused.get(ref.path.text, Rejected())
+        return value.at(ref.span)
+
+    def reduced(
+        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
+    ) -> Expr | None:
+        """See `Scope`: there are no agents here."""
+        return None
+
+    def reduced_over(
+        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
+    ) -> Expr | None:
+        """See `Scope`: there are no agents here."""
+        return None
+
+
+class Budget:
+    """Counts the work of a compilation, so that no model can take all memory."""
+
+    def __init__(self, limit: int = MAX_OPERATIONS) -> None:
+        self._left = self._limit = limit
+
+    def spend(self, count: int, node: tree.Node) -> None:
+        """Take `count` from what is left; raises Rejected (E217) when nothing is."""
+        self._left -= count
+        if self._left < 0:
+            raise Rejected(
+                ModelTooLarge(node.span, what="operations in the equations of this model", limit=self._limit)
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Environment:
+    """All that evaluation needs. `indices` are the names bound by `for` and by function calls."""
+
+    library: Library
+    constants: Mapping[str, Value]  # of the file, and the built-in ones
+    scope: Scope
+    sharing: Sharing
+    budget: Budget
+    indices: Mapping[str, Value] = field(default_factory=dict)
+    gathering: Gathering | None = None  # where there are arrays of agents
+
+    def bind(self, name: str, value: Value) -> Environment:
+        """The environment inside a `for`, where `name` is `value`."""
+        return replace(self, indices={**self.indices, name: value})
