@@ -124,13 +124,16 @@ def _by_owner(sources: Iterable[Source], count: int, elements: Elements) -> dict
 
 
 def _algebraic(model: Model, elements: Elements) -> list[set[int]]:
-    """The definitions of each node that are variables."""
+    """The definitions of each node that are variables; all of those that the compiler makes for sums over agents."""
     found: list[set[int]] = [set() for _ in model.nodes]
     for variable in model.variables:
         for source in variable.elements:
             if source.kind == "local":
                 for block, index in elements.touched(source, variable.count):
                     found[block].add(index)
+    for node, own in zip(model.nodes, found, strict=True):
+        if not own and not node.states:
+            own.update(range(len(node.definitions)))
     return found
 
 
@@ -188,9 +191,8 @@ class _Names:
     def _name(self, owner: int, scalar: Scalar, read: Mapping[Scalar, Integers]) -> str:
         kind, index = scalar
         rate = kind == "rate"
-        made = self._model.nodes[
-            owner
-        ].path  # a sum over agents is no variable: it is called what its node is
+        # A sum over agents is no variable: it is called what its node is.
+        made = self._model.nodes[owner].path
         path, name = self._paths.get((owner, ("state", index) if rate else scalar), (made, made))
         whole = {("rate", k) if rate else (of, k) for of, k in self._scalars.get((owner, path), {scalar})}
         node = self._model.nodes[owner]
