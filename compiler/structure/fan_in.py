@@ -1,6 +1,6 @@
 """Fan-ins: sums and extremes over many agents of an array, as trees of nodes of their own.
 
-A node joins up to `WIDTH` scalars, those of the next layer join these; all nodes of a layer are one block, or two where they join unequal numbers. So
+A node joins some scalars, those of the next layer join these; all nodes of a layer are one block, or two where they join unequal numbers. So
 neither the equations nor the generated code grow with the array, and who reads the same sum shares it. Part of the phase `flatten.py`.
 """
 
@@ -21,8 +21,8 @@ from hierc.compiler.structure.scope import Kind
 from hierc.compiler.structure.storage import Storage
 from hierc.grammar.source import Span
 
-#: Most scalars that one node joins.
-WIDTH = 32
+#: Most scalars that one node joins; fewer where the derivatives by them need conditions.
+WIDTHS: dict[Reduction, int] = {"add": 32, "min": 8, "max": 8}
 _NAMES: dict[Reduction, str] = {"add": "sum", "min": "min", "max": "max"}
 
 
@@ -52,9 +52,9 @@ class FanIns:
     def _layer(
         self, operation: Reduction, kind: Kind, scalars: Integers, around: Instance, span: Span
     ) -> Integers:
-        """Nodes that join `WIDTH` columns or less each; their variables, one a row for each."""
+        """Nodes that join a few columns each; their variables, one a row for each."""
         width = scalars.shape[1]
-        count = -(-width // WIDTH)
+        count = -(-width // WIDTHS[operation])
         small, large = width // count, width % count  # `large` nodes join one more
         parts = []
         for nodes, size, first in ((large, small + 1, 0), (count - large, small, large * (small + 1))):
@@ -70,9 +70,12 @@ class FanIns:
         places = np.repeat(np.arange(around.domain.count), nodes)
         domain = Domain(len(places), around.domain, places, tuple(c[places] for c in around.domain.indices))
         name = f"{_NAMES[operation]} of {span.text}"
-        expr: Expr = Gather(span, kind, column(scalars[:, 0]))
-        for k in range(1, scalars.shape[1]):
-            expr = Apply(span, operation, (expr, Gather(span, kind, column(scalars[:, k]))))
+        terms: list[Expr] = [Gather(span, kind, column(scalars[:, k])) for k in range(scalars.shape[1])]
+        while len(terms) > 1:  # by pairs: short ways from each term to the result, so short derivatives
+            pairs = zip(terms[::2], terms[1::2], strict=False)
+            odd = terms[-1:] if len(terms) % 2 else []
+            terms = [*(Apply(span, operation, pair) for pair in pairs), *odd]
+        expr = terms[0]
         return self._add(name, _NAMES[operation], expr, replace(around, domain=domain), span)
 
     def computed(self, expr: Expr, at: Instance, span: Span) -> Integers:
