@@ -70,7 +70,7 @@ def differences(function: Callable[..., Floats], values: Mapping[str, Floats]) -
             first += np.size(value)
         return np.ravel(function(*given)).astype(np.float64)
 
-    h = 1e-3
+    h = 2e-4
     columns = []
     for unit in np.eye(len(packed)):
         near, far = (at(packed + s * h * unit) - at(packed - s * h * unit) for s in (1.0, 2.0))
