@@ -6,6 +6,8 @@ them. All of it is importable Python, so that CPython with numpy is the oracle o
 
     dialect.py     the subset's types and built-in functions, as Python sees them
     lower.py       statements and expressions to LLVM
+    loops.py       loops to LLVM
+    matrices.py    systems of equations to LLVM
     builtins.py    built-in functions to LLVM
     vectormath.py  sin, cos, exp over lanes
     split.py       what of a right-hand side depends on inputs and time only

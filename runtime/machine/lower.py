@@ -17,7 +17,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from hierc.runtime.machine import builtins, matrices
+from hierc.runtime.machine import builtins, loops, matrices
 from hierc.runtime.machine.arithmetic import Arithmetic
 from hierc.runtime.machine.storage import Locals, Slots
 from hierc.runtime.machine.types import (
@@ -123,14 +123,14 @@ class Lowering:
             case ast.If(test=test, body=body, orelse=orelse):
                 self.branch(test, body, orelse)
             case ast.While(test=test, body=body, orelse=[]):
-                self.while_loop(test, body)
+                loops.while_loop(self, test, body)
             case ast.For(
                 target=ast.Name(id=name),
                 iter=ast.Call(func=ast.Name(id=kind), args=bounds),
                 body=body,
                 orelse=[],
             ):
-                self.for_loop(name, kind, [self.expression(b) for b in bounds], body, node)
+                loops.for_loop(self, name, kind, [self.expression(b) for b in bounds], body, node)
             case ast.Return(value=None):
                 self.builder.ret_void()
             case ast.Return(value=value) if value is not None and self.returns is not None:
@@ -208,56 +208,6 @@ class Lowering:
         if isinstance(target, ast.Name):
             return self.locals.load(target.id) if target.id in self.locals else None
         return self.load(target)
-
-    def while_loop(self, test: ast.expr, body: list[ast.stmt]) -> None:
-        head, inside, after = (self.function.append_basic_block(n) for n in ("while", "body", "after"))
-        self.builder.branch(head)
-        self.builder.position_at_end(head)
-        self.builder.cbranch(self.math.truth(self.expression(test)).ir, inside, after)
-        self.builder.position_at_end(inside)
-        self.loop_body(body, head, after)
-        if not self.builder.block.is_terminated:
-            self.builder.branch(head)
-        self.builder.position_at_end(after)
-
-    def loop_body(self, body: list[ast.stmt], again: ir.Block, after: ir.Block) -> None:
-        self.loops.append((again, after))
-        with self.locals.loop():
-            self.block(body)
-        self.loops.pop()
-
-    def for_loop(
-        self, name: str, kind: str, bounds: list[Operand], body: list[ast.stmt], node: ast.stmt
-    ) -> None:
-        first, last = (0, bounds[0]) if len(bounds) == 1 else (bounds[0], bounds[1])
-        if kind == "unroll" and isinstance(last, int):
-            for k in range(last):
-                self.constants[name] = k
-                self.block(body)
-            self.constants.pop(name, None)
-            return
-        if kind != "range":
-            raise _refused(node)
-        stop = self.math.convert(last, Int())
-        with self.builder.goto_entry_block():
-            counter = self.builder.alloca(I64)  # its own: the body may assign to the name, as in Python
-        self.builder.store(self.math.convert(first, Int()).ir, counter)
-        head, inside, step, after = (
-            self.function.append_basic_block(n) for n in ("for", "body", "step", "after")
-        )
-        self.builder.branch(head)
-        self.builder.position_at_end(head)
-        current = self.builder.load(counter, typ=I64)
-        self.builder.cbranch(self.builder.icmp_signed("<", current, stop.ir), inside, after)
-        self.builder.position_at_end(inside)
-        self.locals.store(name, Value(current, Int()))
-        self.loop_body(body, step, after)
-        if not self.builder.block.is_terminated:
-            self.builder.branch(step)
-        self.builder.position_at_end(step)
-        self.builder.store(self.builder.add(current, ir.Constant(I64, 1), flags=("nsw",)), counter)
-        self.builder.branch(head)
-        self.builder.position_at_end(after)
 
     # ---- expressions ----------------------------------------------------------------------------
 

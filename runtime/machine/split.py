@@ -30,7 +30,8 @@ class Split:
 
 def split(function: ast.FunctionDef, output: str, fixed: Fixed, *, telling: bool = False) -> Split:
     """Split `function(…, output)`. The new functions take a last argument `v`; `before` has no `output`, unless it is `telling` what of it is
-    fixed."""
+    fixed.
+    """
     moving = _moving_names(function, fixed)
     before: list[ast.stmt] = []
     after: list[ast.stmt] = []
