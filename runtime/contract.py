@@ -129,8 +129,9 @@ class Group:
     """`count` subsystems of equal form, each with its own step size.
 
     `nodes` have the group's states, concatenated in this order. `calls` are what one evaluation does, in order: (element, part) for an out
-    part, (element, -1) for a right-hand side. Calls may name nodes without states, which belong to no group. An entry with a `Run` stands for as many entries
-    as it has elements. All elements of an entry belong to one block. Several families may have one name: one whose groups differ in what they call is divided. `name` has a `[]` wherever `indices` has a column: `car[]`.
+    part, (element, -1) for a right-hand side. Calls may name nodes without states, which belong to no group. An entry with a `Run` stands for as
+    many entries as it has elements, all of one block. `name` has a `[]` wherever `indices` has a column: `car[]`; a family whose groups differ in
+    what they call is divided, so several may have one name.
     """
 
     name: str
@@ -208,9 +209,9 @@ class Plan:
 
     `parameters_function(q)` replaces each NaN in the parameter vector by its default (in dependency order), so values given by the user stay; those of
     arrays follow, by `defaults`. `constants` are entries of the parameter vector that differ from element to element and never change, such as
-    indices: (first, how many, integers; or all numbers as floats). `start_passes`: how often the `start` functions run over all elements, in the order `start_order` (None: by
-    number), until every initial value is final (1 unless initial values refer to each other across nodes against the order). `order`: the
-    cascade order of all single groups, numbered through `groups` (None: as they are numbered).
+    indices: (first, how many, integers; or all numbers as floats). `start_passes`: how often the `start` functions run over all elements, in the
+    order `start_order` (None: by number), until every initial value is final (1 unless initial values refer to each other across nodes against the
+    order). `order`: the cascade order of all single groups, numbered through `groups` (None: as they are numbered).
     """
 
     contract: int
