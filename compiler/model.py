@@ -72,7 +72,9 @@ class Node:
     first: int  # number of its first element
     count: int = 1
     indices: tuple[Index, ...] = ()  # for each `[]` in the path, the elements' indices
-    levels: tuple[str, ...] = ()  # the levels around it, of all agents around it, from the outside: `body`, `robot.fast`
+    levels: tuple[
+        str, ...
+    ] = ()  # the levels around it, of all agents around it, from the outside: `body`, `robot.fast`
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,6 +189,7 @@ class Model:
     def file(self) -> str:
         """The main file's name."""
         return self.sources[0].name
+
     constants: tuple[Constants, ...] = ()
     order: Column | None = (
         None  # of all single groups, numbered through `groups`, the cascade order; None: as they are numbered
