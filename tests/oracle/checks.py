@@ -40,9 +40,15 @@ class Tried:
         given: dict[str, object] = {}
         for path, parameter in self.case.model.parameters.items():
             if self.rng.random() < 0.5 and not parameter.structural:
-                kind = next(p.kind for p in self.case.model.plan.parameters if p.path == path)
+                kind = next(
+                    p.kind for p in self.case.model.plan.parameters if p.path.replace("[]", "") == path
+                )
                 real = self.numbers.uniform(0.5, 2, np.shape(parameter.value)).tolist()
-                given[path] = real if kind == "real" else int(self.numbers.integers(0, 2))
+                given[path] = (
+                    real
+                    if kind == "real"
+                    else np.full(np.shape(parameter.value), self.numbers.integers(0, 2)).tolist()
+                )
         other = Case(self.case.text, params=given)
         other.check_rates(self.t, self.x)
         other.check_start(0.0)

@@ -23,6 +23,7 @@ from hierc.grammar.formatting import format_source
 from hierc.grammar.parser import parse
 from hierc.grammar.source import SourceFile
 from hierc.loader import run_module
+from hierc.runtime.elements import expanded, index_table, numbered
 from hierc.runtime.machine.unit import parse_function
 from hierc.runtime.model import Model
 
@@ -103,9 +104,7 @@ class Case:
             coarse, fine = (self.vector(i.initial(t)) for i in (self.plain, self.fine))
         agree("initial value", self.model.states, found, coarse, fine)
         system = self.model.system()
-        scales = dict(
-            zip(self.model.states, (w for node in system.order for w in system.nominal(node)), strict=True)
-        )
+        scales = dict(zip(self.model.states, system.nominal, strict=True))
         for path, scale in self.fine.nominals().items():
             for (name, at), state in zip(self.places, self.model.states, strict=True):
                 if name == path:
@@ -127,13 +126,18 @@ class Case:
 
     def observed(self, t: float, x: Floats) -> dict[str, list[float]]:
         """All variables, by path, row by row."""
-        system, plan = self.model.system(), self.model.plan
-        seen = system.observe(t, x, range(len(plan.nodes)))
-
-        def scalar(node: int, what: str, index: int) -> float:
-            return float(x[system.offsets[node] + index]) if what == "state" else seen[node][index]
-
-        return {v.path: [scalar(*element) for element in v.elements] for v in plan.variables}
+        system = self.model.system()
+        world = system.world_at(t, x)
+        seen = system.observe(t, world, range(system.elements.count))
+        found = {}
+        for v in self.model.plan.variables:
+            scalars = [(expanded(e, v.count), what, expanded(i, v.count)) for e, what, i in v.elements]
+            for k, row in enumerate(index_table(v.indices, v.count)):
+                found[numbered(v.path, row)] = [
+                    world[system.offsets[e[k]] + i[k]] if what == "state" else seen[int(e[k])][i[k]]
+                    for e, what, i in scalars
+                ]
+        return found
 
     def check_jacobian(self, t: float, x: Floats, columns: Iterable[int]) -> None:
         """Some columns of the Jacobian, against differences of fourth order in more digits. Kinks are left out, and infinite slopes, which

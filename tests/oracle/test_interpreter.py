@@ -190,7 +190,7 @@ def test_slices_reductions_and_gathered_indices() -> None:
         write real total, none;
         alge {
           all = leaf.y;
-          firsts = leaf.p[1];
+          firsts = leaf.p[1..4, 1];
           middle = leaf[2..3].p;
           total = sum(leaf.p);
           none = sum(leaf[1..0].y);

@@ -31,12 +31,13 @@ class Text:
 
 @dataclass(frozen=True)
 class Leaf:
-    """A name that may be used. `safe`: its initial value is known early, so initial values may use it."""
+    """A name that may be used. `safe`: its initial value is known early, so initial values may use it. `array`: of an array of agents."""
 
     text: str
     shape: Shape
     unit: Unit
     safe: bool = False
+    array: bool = False
 
     @property
     def base(self) -> str:
@@ -165,7 +166,11 @@ class Maker:
 
     def _subscripted(self, leaf: Leaf, subs: Sequence[Callable[[], str]]) -> Text:
         text, prime = leaf.text.removesuffix("'"), "'" * leaf.text.endswith("'")
-        return self._take(leaf, f"{text}[{', '.join(sub() for sub in subs)}]{prime}")
+        chosen = [sub() for sub in subs]
+        owner, _, name = text.partition(".")
+        if leaf.array and (".." not in chosen[0] or (len(chosen) == 1 and self.rng.random() < 0.5)):
+            text, chosen = f"{owner}[{chosen[0]}].{name}", chosen[1:]
+        return self._take(leaf, f"{text}[{', '.join(chosen)}]{prime}" if chosen else f"{text}{prime}")
 
     def _subscripts(self, sizes: Shape, wanted: Shape) -> list[Callable[[], str]] | None:
         """Subscripts that choose something of a shape from something of another; None if there are none."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from random import Random
@@ -76,11 +77,18 @@ class Agent:
 
 @dataclass
 class Sub:
-    """An agent in an agent; `sizes` are what its size parameters are there."""
+    """An agent in an agent; `sizes` are what its size parameters are there, `count` how many there are of it, if it is an array."""
 
     name: str
     agent: Agent
     sizes: dict[str, str]
+    count: str | None = None
+
+    def leaf(self, write: Variable, *, rate: bool = False, safe: bool = False) -> Leaf:
+        """What an expression may use of it."""
+        shape = self.shape(write) if self.count is None else (self.count, *self.shape(write))
+        unit = over(write.unit, SECOND) if rate else write.unit
+        return Leaf(f"{self.name}.{write.name}{chr(39) * rate}", shape, unit, safe, self.count is not None)
 
     def shape(self, variable: Variable | Param) -> Shape:
         return tuple(self.sizes.get(size, size) for size in variable.shape)
@@ -178,15 +186,16 @@ class FileMaker:
 
             for param in agent.params:
                 needed = not path and param.default is None
-                if needed or (param.kind != "size" and self.chance(0.15)):
-                    args.append(
-                        f"{path}{param.name} = {self.parameter(replace(param, shape=shape(param)), self._outside())}"
-                    )
+                # One value for all of an array.
+                free = param.kind == "real" and not param.shape if "[" in path else param.kind != "size"
+                if needed or (free and self.chance(0.15)):
+                    value = self.parameter(replace(param, shape=shape(param)), self._outside())
+                    args.append(f"{re.sub('[[][0-9]]', '', path)}{param.name} = {value}")
             for state in agent.states:
                 if self.chance(0.1):
                     value = self.maker(self._outside()).make(shape(state), state.unit, 1, loose=True)
                     init.append(f"{path}{state.name} = {value};")
-            if agent.states and not agent.layered and path and len(items) == 1:
+            if agent.states and not agent.layered and path and "[" not in path and len(items) == 1:
                 items.append(Block(f"group {path[:-1]}", ["rtol = 1e-5;"]))
             if agent.writes and path and self.chance(0.2):
                 items.append(f"record {path}{self.rng.choice(['*', agent.writes[0].name])};")
@@ -221,7 +230,8 @@ def everywhere(agent: Agent, path: str, sizes: dict[str, str]) -> Iterator[tuple
     yield path, agent, sizes
     for sub in agent.subs:
         inner = {name: sizes.get(size, size) for name, size in sub.sizes.items()}
-        yield from everywhere(sub.agent, f"{path}{sub.name}.", inner)
+        place = "" if sub.count is None else "[1]" if sub.agent.subs else "[2]"
+        yield from everywhere(sub.agent, f"{path}{sub.name}{place}.", inner)
 
 
 class AgentMaker:
@@ -372,7 +382,7 @@ class AgentMaker:
         for sub in subs:
             for write in sub.agent.writes:
                 if write.safe:
-                    self.add(Leaf(f"{sub.name}.{write.name}", sub.shape(write), write.unit), "scope")
+                    self.add(sub.leaf(write), "scope")
         own += [("alge", Variable(self.name(), self.shape(), file.unit())) for _ in range(file.some(0, 1))]
         own += [("let", None)] * file.some(0, 1)
         own += subs
@@ -422,38 +432,63 @@ class AgentMaker:
             if param.kind == "size":
                 default = param.default or "2"
                 sub.sizes[param.name] = self.rng.choice([default, "2", "3", *self.sizes])
+        if self.file.wishes.arrays and self.file.chance(0.4):
+            sub.count = self.rng.choice(["2", "3", "4", *self.sizes, *self.file.size_consts])
         self.agent.subs.append(sub)
         return sub
 
     def _instance(self, into: list[str | Block], sub: Sub, *, seen: bool = False) -> None:
         file, agent = self.file, sub.agent
+        index = (
+            ""
+            if sub.count is None
+            else self.rng.choice([n for n in ("i", "j", "k") if n not in self.scope.whole])
+        )
+        fixed, safe, scope = (self._counted(s, sub, index) for s in (self.fixed, self.safe, self.scope))
         args = []
         for param in agent.params:
             if param.kind == "size":
                 if sub.sizes[param.name] != param.default:
                     args.append(f"{param.name} = {sub.sizes[param.name]}")
             elif param.default is None or file.chance(0.4):
-                args.append(
-                    f"{param.name} = {file.parameter(replace(param, shape=sub.shape(param)), self.fixed)}"
-                )
+                args.append(f"{param.name} = {file.parameter(replace(param, shape=sub.shape(param)), fixed)}")
         binds = []
         for read in agent.reads:
-            if read.safe:
-                value = self._initial(self.safe, sub.shape(read), read.unit)
-            else:
-                value = self.maker(self.scope).make(sub.shape(read), read.unit, 2, loose=True)
+            value = self._coupling(sub, read, index, safe if read.safe else scope)
             binds.append(f"{read.name} := {value}")
         self.rng.shuffle(args)
         self.rng.shuffle(binds)
         coupling = f" [{', '.join(binds)}]" if binds else ""
-        into.append(f"agent {sub.name} = {agent.name}({', '.join(args)}){coupling};")
+        array = f"[{index} in 1..{sub.count}]" if index else ""
+        into.append(f"agent {sub.name}{array} = {agent.name}({', '.join(args)}){coupling};")
         for write in agent.writes:
-            path, shape = f"{sub.name}.{write.name}", sub.shape(write)
             if not (write.safe and seen):
-                self.add(Leaf(path, shape, write.unit), "scope")
+                self.add(sub.leaf(write), "scope")
             if write.safe:
-                self.add(Leaf(f"{path}'", shape, over(write.unit, SECOND)), "scope")
-                self.add(Leaf(path, shape, write.unit, safe=True), "safe")
+                self.add(sub.leaf(write, rate=True), "scope")
+                self.add(sub.leaf(write, safe=True), "safe")
+
+    @staticmethod
+    def _counted(scope: Scope, sub: Sub, index: str) -> Scope:
+        return scope if sub.count is None else scope.bind(index, "1", sub.count)
+
+    def _coupling(self, sub: Sub, read: Variable, index: str, scope: Scope) -> Text:
+        """What a `read` of a sub-agent is bound to; elements of an array may use the one before."""
+        shape, unit = sub.shape(read), read.unit
+        if read.safe:
+            return self._initial(scope, shape, unit)
+        value = self.maker(scope).make(shape, unit, 2, loose=True)
+        if not index or self.file.chance(0.4):
+            return value
+        before = f"{sub.name}[{index} - 1]"
+        chained = [Leaf(f"{before}.{w.name}", sub.shape(w), w.unit) for w in sub.agent.writes]
+        chained += [
+            Leaf(f"{before}.{w.name}'", sub.shape(w), over(w.unit, SECOND))
+            for w in sub.agent.writes
+            if w.safe
+        ]
+        other = self.maker(scope.with_leaves(*chained, *chained)).make(shape, unit, 2, loose=True)
+        return Text(f"if {index} == 1 then {value} else {other}", 0)
 
     # ---- equations ------------------------------------------------------------------------------------------------------------------
 

@@ -42,7 +42,7 @@ def _new(name: str) -> str:
 
 def renamed_path(path: str) -> str:
     """A path after `renamed`."""
-    return ".".join(map(_new, path.split(".")))
+    return re.sub(r"[A-Za-z_]\w*", lambda name: _new(name[0]), path)
 
 
 def renamed(text: str) -> str:

@@ -24,7 +24,7 @@ class Circular(Exception):
 
 
 class Interpreter:
-    """A file's model: an experiment, or an agent on its own. `params` are values by path, in their declared units.
+    """A file's model: an experiment, or an agent on its own. `params` are values by path, in their declared units, those of arrays of agents in rows.
 
     `real` is the type of numbers.
     """
@@ -169,8 +169,10 @@ class Interpreter:
     def _parameter(self, agent: Agent, name: str) -> Value:
         def compute() -> Value:
             param = agent.params[name]
-            if agent.named(name) in self.params:
-                given = np.asarray(self.params[agent.named(name)])[()]
+            together = ".".join([*(place for place, _ in agent.steps), name])
+            if together in self.params:  # those of an array in rows
+                row = tuple(k - 1 for _, k in agent.steps if k is not None)
+                given = np.asarray(self.params[together])[row]
                 scaled = given * si.declared(param.unit) if param.type.scalar == "real" else plain(given)
                 return self._typed(scaled, param.type)
             return self._typed(self.value(*self._argument(agent, param)), param.type)
@@ -365,7 +367,12 @@ class Interpreter:
             return self._of_variable(numbers[int(self.value(owner.subs[0], scope))], last, scope, prime=prime)
         if not chosen:
             return (0,), lambda _: None
-        shape, _ = self._of_variable(chosen[0], last, scope, prime=prime)
-        return (len(chosen), *shape), lambda at: self._of_variable(chosen[at[0]], last, scope, prime=prime)[
-            1
-        ](at[1:])
+        name = last.name.text
+        shape = (len(chosen), *chosen[0].shape(name))
+        places = dict(
+            self.selected(shape, last.subs, scope)
+        )  # subscripts of the variable are those of all together
+        if last.subs:
+            ranges = [self.numbers(sub, scope) for sub in last.subs if isinstance(sub, tree.Range)]
+            shape = tuple(len(r) for r in ranges)
+        return shape, lambda at: self._variable(chosen[places[at][0]], name, places[at][1:], prime=prime)
