@@ -61,7 +61,7 @@ class BrokenCascade(Problem):
         one_level = f"move both {'agents' if self.agents else 'parts'} into one level"
         if self.read is None:
             return (one_level,)
-        return (f"{one_level}, or read `{self.read}` only inside a `sample` block",)
+        return (f"{one_level}, or read `{self.read}` only inside a `sample` block (not supported yet)",)
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,9 @@ class CyclicGroups(Problem):
         return tuple(Label(span, text) for span, text in reversed(by_place.items()) if span != self.span)
 
     def help(self) -> tuple[str, ...]:
-        one_group = "put them into one group, or read one direction only inside a `sample` block"
+        one_group = (
+            "put them into one group, or read one direction only inside a `sample` block (not supported yet)"
+        )
         if self.several is None:
             return (one_group,)
         return (

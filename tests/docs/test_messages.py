@@ -127,10 +127,15 @@ def test_each_command_prints_the_listed_fields(tmp_path: Path, capsys: pytest.Ca
 def test_fields_of_a_group_are_listed() -> None:
     from dataclasses import fields
 
+    from hierc.runtime.families import FamilyStats
     from hierc.runtime.result import GroupStats
 
     row = re.findall(r"^\| `groups` .*$", section("A run"), re.MULTILINE)[0]
-    assert set(re.findall(r"`(\w+)`", row)) - {"groups"} == {field.name for field in fields(GroupStats)}
+    single, array = (set(re.findall(r"`(\w+)`", part)) for part in row.split("for the groups of an array"))
+    assert single - {"groups"} == {field.name for field in fields(GroupStats)}
+    assert single | array == {field.name for kind in (GroupStats, FamilyStats) for field in fields(kind)} - {
+        "name"
+    }
 
 
 def test_exit_codes_are_listed() -> None:
