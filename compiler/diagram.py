@@ -14,9 +14,9 @@ from typing import Literal
 
 import numpy as np
 
+from hierc.compiler.arrays.columns import Integers, expanded, taken
+from hierc.compiler.arrays.elements import Elements, spelled
 from hierc.compiler.cascade.graphs import components, order
-from hierc.compiler.columns import Integers, expanded, taken
-from hierc.compiler.elements import Elements, spelled
 from hierc.compiler.expression import Input, Local
 from hierc.compiler.model import Group, Model, Node, Source
 from hierc.compiler.shapes.values import element_names

@@ -7,8 +7,8 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
-from hierc.compiler.columns import Integers, expanded, taken
-from hierc.compiler.elements import Elements, spelled
+from hierc.compiler.arrays.columns import Integers, expanded, taken
+from hierc.compiler.arrays.elements import Elements, spelled
 from hierc.compiler.expression import Number
 from hierc.compiler.formula import Formulas, Names, number_text
 from hierc.compiler.model import Group, Model, Node, Settings, Source

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from hierc.compiler.arrays.columns import Index
 from hierc.compiler.callees.callee import Callee
-from hierc.compiler.columns import Index
 from hierc.grammar.source import Span
 
 Operator = Literal[

@@ -9,8 +9,8 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from hierc.compiler.columns import Column, Index, Integers, column, expanded, taken
-from hierc.compiler.elements import Elements, ranges, spelled
+from hierc.compiler.arrays.columns import Column, Index, Integers, column, expanded, taken
+from hierc.compiler.arrays.elements import Elements, ranges, spelled
 from hierc.compiler.expression import (
     Apply,
     Choose,

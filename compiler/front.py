@@ -22,12 +22,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from hierc.compiler.arrays.columns import Column, column, column_of, mapped
 from hierc.compiler.callees.externs import make_externs
 from hierc.compiler.callees.tables import read_tables
 from hierc.compiler.cascade.grouping import Family, make_groups
 from hierc.compiler.cascade.proof import prove_cascade
 from hierc.compiler.collector import Collector, Rejected
-from hierc.compiler.columns import Column, column, column_of, mapped
 from hierc.compiler.context import Context
 from hierc.compiler.equations.definitions import check_equations
 from hierc.compiler.equations.loops import check_loops

@@ -6,7 +6,7 @@ execution order (`cascade.py` proved it).
 
 A *node* is the unit of grouping: an agent (all of it that is not in its levels or sub-agents), or a level with declarations of its own. Arrays of
 agents are never expanded: a node stands for a *block* of `count` elements that say the same thing, which differ only in what they read and in their
-parameters. Those are columns, one integer an element (see `columns.py`). Elements of all blocks are numbered through: element k of a block
+parameters. Those are columns, one integer an element (see `arrays/columns.py`). Elements of all blocks are numbered through: element k of a block
 has number `first + k`. Most blocks have one element.
 """
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from hierc.compiler.columns import Column, Index
+from hierc.compiler.arrays.columns import Column, Index
 from hierc.compiler.expression import Expr
 from hierc.grammar.problems import Problem
 from hierc.grammar.source import SourceFile, Span

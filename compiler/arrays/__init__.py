@@ -1,1 +1,1 @@
-"""Arrays of agents: the elements that blocks have, and what can be wrong with them."""
+"""Arrays of agents: columns of integers, the elements of blocks and their domains, and what can be wrong with them."""

@@ -6,12 +6,11 @@ it is divided into; the agents inside them share it, unless they are arrays agai
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from hierc.compiler.columns import Integers
+from hierc.compiler.arrays.columns import Integers
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -64,9 +63,3 @@ def chosen(domain: Domain, elements: Integers) -> Domain:
     """Some elements of a domain as one of their own."""
     columns = tuple(column[elements] for column in domain.indices)
     return Domain(len(elements), domain.outer, domain.places[elements], columns)
-
-
-def spelled(path: str, indices: Sequence[int]) -> str:
-    """A path with its indices put in: `car[3].engine`."""
-    parts = path.split("[]")
-    return "".join(part + f"[{index}]" for part, index in zip(parts, indices, strict=False)) + parts[-1]

@@ -12,12 +12,12 @@ from typing import Literal
 
 import numpy as np
 
-from hierc.compiler.arrays.domains import spelled
+from hierc.compiler.arrays.columns import Integers
+from hierc.compiler.arrays.elements import spelled
 from hierc.compiler.arrays.errors import NotAnArray
-from hierc.compiler.cascade.elements import Edges, element_edges
+from hierc.compiler.cascade.edges import Edges, element_edges
 from hierc.compiler.cascade.errors import InTwoGroups, LargeGroup, NameTaken, NoSuchMember
 from hierc.compiler.collector import Collector
-from hierc.compiler.columns import Integers
 from hierc.compiler.structure.flat import FlatNode
 from hierc.compiler.structure.instances import Instance, Standing, level_name
 from hierc.compiler.structure.nodes import LocalNode

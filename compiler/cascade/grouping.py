@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hierc.compiler.arrays.columns import Integers, expanded
 from hierc.compiler.cascade.assignment import Assignment, Labels, NamedGroups, warn_of_large
-from hierc.compiler.cascade.elements import Edges, element_edges
+from hierc.compiler.cascade.edges import Edges, element_edges
 from hierc.compiler.cascade.errors import CyclicGroups, LevelWithoutStates
 from hierc.compiler.cascade.graphs import order
 from hierc.compiler.cascade.proof import Cascade
 from hierc.compiler.collector import Collector
-from hierc.compiler.columns import Integers, expanded
 from hierc.compiler.structure.flat import FlatNode
 from hierc.compiler.structure.instances import Instance, Standing, level_name
 from hierc.compiler.structure.nodes import LocalNode

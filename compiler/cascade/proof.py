@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from hierc.compiler.arrays.columns import expanded
 from hierc.compiler.cascade.detours import Detour, behind, continuous, detours
 from hierc.compiler.cascade.errors import BrokenCascade, LaterDerivative
 from hierc.compiler.collector import Collector
-from hierc.compiler.columns import expanded
 from hierc.compiler.structure.flat import FlatNode
 from hierc.compiler.structure.instances import Block, Instance
 from hierc.compiler.structure.nodes import LocalNode, Scalar

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hierc.compiler import model
-from hierc.compiler.columns import Column, Index, Integers, column, expanded, taken
-from hierc.compiler.elements import Elements
+from hierc.compiler.arrays.columns import Column, Index, Integers, column, expanded, taken
+from hierc.compiler.arrays.elements import Elements
 from hierc.compiler.emission.places import Found
 from hierc.compiler.emission.runs import Members, members
 from hierc.compiler.emission.sequence import Link, sequence

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hierc.compiler.columns import Column, Index, column, expanded, taken
-from hierc.compiler.elements import Elements, spelled
+from hierc.compiler.arrays.columns import Column, Index, column, expanded, taken
+from hierc.compiler.arrays.elements import Elements, spelled
 from hierc.compiler.emission.calls import Group
 from hierc.compiler.emission.plan import Plan
 from hierc.compiler.emission.runs import Members, Run

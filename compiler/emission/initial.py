@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from hierc.compiler.columns import Index, Integers, column, expanded
-from hierc.compiler.elements import Elements
+from hierc.compiler.arrays.columns import Index, Integers, column, expanded
+from hierc.compiler.arrays.elements import Elements
 from hierc.compiler.emission.calls import Block
 from hierc.compiler.emission.sequence import Circular, Link, sequence
 from hierc.compiler.symbolic.derive import Form

@@ -7,7 +7,7 @@ from base64 import b64encode
 
 import numpy as np
 
-from hierc.compiler.columns import Column, Index, Integers
+from hierc.compiler.arrays.columns import Column, Index, Integers
 from hierc.compiler.emission.runs import Members, Run
 from hierc.compiler.emission.target import Call, Constant, Target, Tuple
 

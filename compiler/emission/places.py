@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from hierc.compiler.columns import Index, column, expanded
-from hierc.compiler.elements import Elements, distinct
+from hierc.compiler.arrays.columns import Index, column, expanded
+from hierc.compiler.arrays.elements import Elements, distinct
 from hierc.compiler.model import Model, Source
 from hierc.compiler.symbolic.derive import Place, Symbolic
 

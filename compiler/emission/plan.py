@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 
 from hierc.compiler import model
-from hierc.compiler.columns import Index
+from hierc.compiler.arrays.columns import Index
 from hierc.compiler.emission.calls import Block, Group, families
 from hierc.compiler.emission.initial import start
 from hierc.compiler.emission.places import Found, Places

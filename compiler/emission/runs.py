@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hierc.compiler.columns import Index, Integers, column
+from hierc.compiler.arrays.columns import Index, Integers, column
 
 #: Rows that are worth a run.
 _LEAST = 3

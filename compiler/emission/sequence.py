@@ -13,8 +13,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from hierc.compiler.arrays.columns import Integers
 from hierc.compiler.cascade.graphs import components
-from hierc.compiler.columns import Integers
 
 Item = TypeVar("Item", bound=Hashable)
 

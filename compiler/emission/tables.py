@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from hierc.compiler.arrays.columns import Index
 from hierc.compiler.callees.callee import Extern, Table
-from hierc.compiler.columns import Index
 from hierc.compiler.emission.callees import names_of
 from hierc.compiler.emission.calls import Block, Group
 from hierc.compiler.emission.names import function_name

@@ -16,10 +16,11 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from hierc.compiler.arrays.domains import Domain, spelled
+from hierc.compiler.arrays.columns import Integers, expanded
+from hierc.compiler.arrays.domains import Domain
+from hierc.compiler.arrays.elements import spelled
 from hierc.compiler.cascade.graphs import components
 from hierc.compiler.collector import Collector
-from hierc.compiler.columns import Integers, expanded
 from hierc.compiler.equations.errors import AlgebraicLoop, DerivativeInInitialValue, InitialLoop, LoopStep
 from hierc.compiler.expression import Expr, Gather, Local, Rate, State
 from hierc.compiler.structure.flat import Flat, leaves

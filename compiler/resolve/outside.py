@@ -11,9 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from hierc.compiler import model
+from hierc.compiler.arrays.columns import expanded
 from hierc.compiler.arrays.errors import CountsDiffer, OutOfArray, StructuralElement
 from hierc.compiler.collector import Collector, Rejected
-from hierc.compiler.columns import expanded
 from hierc.compiler.expression import Number
 from hierc.compiler.resolve.errors import UnknownParameter
 from hierc.compiler.shapes.values import Scalar, Shape, Value, type_text

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
+from hierc.compiler.arrays.columns import Index
 from hierc.compiler.collector import Rejected
-from hierc.compiler.columns import Index
 from hierc.compiler.expression import Expr
 from hierc.compiler.resolve.declarations import Library
 from hierc.compiler.resolve.errors import ModelTooLarge

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import assert_never
 
+from hierc.compiler.arrays.columns import Index, added, difference
 from hierc.compiler.collector import Rejected
-from hierc.compiler.columns import Index, added, difference
 from hierc.compiler.expression import Choose, Expr, Gather, Time
 from hierc.compiler.resolve.errors import ModelTooLarge
 from hierc.compiler.resolve.names import size_names

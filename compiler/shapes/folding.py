@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.compiler import exact
-from hierc.compiler.columns import Index, column
+from hierc.compiler.arrays.columns import Index, column
 from hierc.compiler.expression import Expr, Gather, Number, Operator
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hierc.compiler.arrays.columns import Index, Integers, column, expanded
 from hierc.compiler.collector import Rejected
-from hierc.compiler.columns import Index, Integers, column, expanded
 from hierc.compiler.expression import Choose, Expr, Gather, Number
 from hierc.compiler.resolve.errors import ModelTooLarge
 from hierc.compiler.shapes.environment import Environment

@@ -11,7 +11,7 @@ from functools import lru_cache
 from math import prod
 from typing import Literal
 
-from hierc.compiler.columns import Index
+from hierc.compiler.arrays.columns import Index
 from hierc.compiler.expression import Apply, Choose, Expr, Gather, Number, Operator
 from hierc.compiler.shapes.folding import folded, folded_index
 from hierc.grammar.source import Span

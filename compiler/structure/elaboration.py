@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from hierc.compiler.arrays.columns import Column, Integers, difference
 from hierc.compiler.arrays.domains import Domain, array_domain, chosen
 from hierc.compiler.arrays.errors import EmptyArray, TooManyPatterns
 from hierc.compiler.collector import Rejected
-from hierc.compiler.columns import Column, Integers, difference
 from hierc.compiler.context import Context
 from hierc.compiler.expression import Gather
 from hierc.compiler.resolve.errors import TooManyInstances

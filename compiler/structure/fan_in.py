@@ -11,8 +11,8 @@ from math import inf
 
 import numpy as np
 
+from hierc.compiler.arrays.columns import Integers, column
 from hierc.compiler.arrays.domains import Domain
-from hierc.compiler.columns import Integers, column
 from hierc.compiler.expression import Apply, Expr, Gather
 from hierc.compiler.shapes.environment import Reduction
 from hierc.compiler.structure.flat import FlatDefinition, FlatNode

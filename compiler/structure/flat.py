@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, assert_never
 
+from hierc.compiler.arrays.columns import Index
 from hierc.compiler.arrays.domains import Domain
-from hierc.compiler.columns import Index
 from hierc.compiler.expression import (
     Apply,
     Choose,

@@ -14,9 +14,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.compiler.arrays.columns import Integers, column, taken
 from hierc.compiler.arrays.domains import Domain
 from hierc.compiler.collector import Rejected
-from hierc.compiler.columns import Integers, column, taken
 from hierc.compiler.context import Context
 from hierc.compiler.equations.errors import DefinedTwice, NeverDefined, NoDerivative
 from hierc.compiler.expression import Choose, Expr, Gather, Local, Number, Rate, State

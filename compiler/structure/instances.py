@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from hierc.compiler.arrays.columns import Integers
 from hierc.compiler.arrays.domains import SINGLE, Domain
 from hierc.compiler.collector import Rejected
-from hierc.compiler.columns import Integers
 from hierc.compiler.resolve.declarations import Agent, Library
 from hierc.compiler.resolve.errors import NestedTooDeeply, TooManyInstances
 from hierc.compiler.resolve.ordering import ordered

@@ -13,7 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from hierc.compiler.columns import Column, Index, column
+from hierc.compiler.arrays.columns import Column, Index, column
+from hierc.compiler.arrays.elements import Elements
 from hierc.compiler.expression import Expr, Gather, Input, Local, Parameter, Rate, State
 from hierc.compiler.model import Definition, Node, Source, StateEquation, Variable
 from hierc.compiler.shapes.terms import rewritten
@@ -62,7 +63,7 @@ class _Places:
         self._flat = flat
         counts = [node.instance.domain.count for node in flat.nodes]
         self.first = np.cumsum([0, *counts]).tolist()
-        self._firsts = np.array(self.first[:-1], np.int64)
+        self._numbers = Elements(self.first[:-1])
         self._states = {g: (n, i) for n, layout in enumerate(layouts) for i, g in enumerate(layout.states)}
         self._definitions = {
             g: (n, i)
@@ -92,13 +93,10 @@ class _Places:
                 node, place = self._states[index]
                 return Source(self._elements(node), "state" if isinstance(leaf, State) else "rate", place)
 
-    def touched(self, source: Source) -> tuple[Scalar, ...]:
-        """The scalars that a source is."""
-        numbers = source.node.values if isinstance(source.node, Column) else np.array([source.node])
-        indices = source.index.values if isinstance(source.index, Column) else np.array([source.index])
-        blocks = np.searchsorted(self._firsts, numbers, side="right") - 1
-        pairs = np.unique(np.stack(np.broadcast_arrays(blocks, indices)), axis=1)
-        return tuple(Scalar(block, source.kind, index) for block, index in pairs.T.tolist())
+    def touched(self, source: Source, count: int) -> tuple[Scalar, ...]:
+        """The scalars that a source of `count` elements is."""
+        pairs = self._numbers.touched(source, count)
+        return tuple(Scalar(block, source.kind, index) for block, index in pairs)
 
     def _elements(self, node: int) -> Index:
         """All elements of a node."""
@@ -221,7 +219,7 @@ class _NodeMaker:
             levels=tuple(level_name(flat.instances, level) for level in here.levels),
             count=domain.count, indices=tuple(column(c) for c in domain.indices),
         )  # fmt: skip
-        return LocalNode(node, continuous, tuple(self._places.touched(s) for s in self._inputs))
+        return LocalNode(node, continuous, tuple(self._places.touched(s, domain.count) for s in self._inputs))
 
     def _definitions(self, indices: Sequence[int]) -> list[Definition]:
         made: list[Definition] = []

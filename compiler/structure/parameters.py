@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.compiler import expression, model
+from hierc.compiler.arrays.columns import Column, Index, Integers, column, taken
 from hierc.compiler.arrays.domains import Domain
 from hierc.compiler.arrays.errors import StructuralElement
 from hierc.compiler.collector import Rejected
-from hierc.compiler.columns import Column, Index, Integers, column, taken
 from hierc.compiler.context import Context
 from hierc.compiler.expression import Choose, Expr, Gather
 from hierc.compiler.resolve.constants import ByName, agent_constants, literal, measured

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.compiler.arrays.columns import Column, Integers, expanded
 from hierc.compiler.arrays.domains import Domain
+from hierc.compiler.arrays.elements import Elements
 from hierc.compiler.arrays.errors import NotAnArray, OutOfArray
 from hierc.compiler.collector import Rejected
-from hierc.compiler.columns import Column, Integers, expanded
-from hierc.compiler.elements import Elements
 from hierc.compiler.model import Group, Node, Variable
 from hierc.compiler.shapes.environment import Environment
 from hierc.compiler.shapes.evaluate import known_integer, selected, span_of

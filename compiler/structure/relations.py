@@ -12,9 +12,9 @@ from dataclasses import replace
 from functools import cache
 
 from hierc.compiler import unsupported
+from hierc.compiler.arrays.elements import Elements
 from hierc.compiler.callees.callee import Table
 from hierc.compiler.collector import Collector
-from hierc.compiler.elements import Elements
 from hierc.compiler.expression import (
     Apply,
     Choose,

@@ -11,10 +11,10 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from hierc.compiler.arrays.columns import Column, Index, Integers, column, expanded
 from hierc.compiler.arrays.domains import Domain, indexed_domain
 from hierc.compiler.arrays.errors import NotAnArray, OutOfArray, ShapesOfElements
 from hierc.compiler.collector import Rejected
-from hierc.compiler.columns import Column, Index, Integers, column, expanded
 from hierc.compiler.equations.errors import DerivativeOfRead, NotAState
 from hierc.compiler.expression import Expr, Gather, Rate, State
 from hierc.compiler.resolve.declarations import Variable

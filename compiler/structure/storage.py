@@ -8,8 +8,8 @@ from math import inf
 
 import numpy as np
 
+from hierc.compiler.arrays.columns import Index, Integers, column
 from hierc.compiler.collector import Collector, Rejected
-from hierc.compiler.columns import Index, Integers, column
 from hierc.compiler.expression import Expr, Gather, Local, Number, Rate, State
 from hierc.compiler.resolve.declarations import Variable
 from hierc.compiler.shapes.environment import Environment

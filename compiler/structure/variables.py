@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hierc.compiler.columns import Integers, column, expanded
+from hierc.compiler.arrays.columns import Integers, column, expanded
 from hierc.compiler.expression import Expr, Gather, Local, State
 from hierc.compiler.resolve.declarations import Variable
 from hierc.compiler.shapes.values import Shape, Value

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Literal
 
-from hierc.compiler.elements import Elements
+from hierc.compiler.arrays.elements import Elements
 from hierc.compiler.model import Source
 
 #: A scalar of a node that others name: a rate by its state, an algebraic variable by its definition.

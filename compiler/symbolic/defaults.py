@@ -12,7 +12,7 @@ from itertools import groupby
 
 import numpy as np
 
-from hierc.compiler.columns import Column, Index
+from hierc.compiler.arrays.columns import Column, Index
 from hierc.compiler.model import Model
 from hierc.compiler.model import Parameter as ModelParameter
 from hierc.compiler.symbolic.graph import Graph

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Literal
 
-from hierc.compiler.elements import Elements
+from hierc.compiler.arrays.elements import Elements
 from hierc.compiler.model import Model, Node
 from hierc.compiler.symbolic.algebra import tidy
 from hierc.compiler.symbolic.channels import Key, Keys, keys

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from typing import assert_never
 
-from hierc.compiler.columns import Index
+from hierc.compiler.arrays.columns import Index
 from hierc.compiler.expression import (
     Apply,
     Choose,

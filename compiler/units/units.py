@@ -250,7 +250,7 @@ def _meant(name: str) -> str | None:
     for word in (name, name.casefold(), name.casefold().removesuffix("s")):
         if word in _SPELLINGS:
             return _SPELLINGS[word]
-    if name[0] == "K" and named_unit(f"k{name[1:]}"):
+    if name.startswith("K") and named_unit(f"k{name[1:]}"):
         return f"k{name[1:]}"
     for cut in range(len(name) - 1, 0, -1):
         if named_unit(name[:cut]) and named_unit(name[cut:]):

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import integers
 
-from hierc.compiler.columns import Column
-from hierc.compiler.elements import Elements, distinct, ranges, spelled
+from hierc.compiler.arrays.columns import Column
+from hierc.compiler.arrays.elements import Elements, distinct, ranges, spelled
 from hierc.compiler.emission import packing
 from hierc.compiler.emission.runs import Run, members
 from hierc.compiler.emission.sequence import Circular, Link, sequence

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from hierc.compiler.columns import Column, Index, Integers, expanded
+from hierc.compiler.arrays.columns import Column, Index, Integers, expanded
 from hierc.compiler.model import Source
 
 #: Ranges of indices that a name lists before it abbreviates.

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from hierc.compiler.arrays.columns import Integers, expanded
 from hierc.compiler.cascade.detours import inputs_behind
-from hierc.compiler.columns import Integers, expanded
 from hierc.compiler.model import Source
 from hierc.compiler.structure.nodes import LocalNode
 from hierc.grammar.source import Span
