@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from random import Random
 
@@ -16,18 +17,20 @@ from making.models import Wishes, random_model  # noqa: E402
 
 
 def main(first: int, last: int, names: tuple[str, ...]) -> int:
-    """The number of problems found."""
+    """The number of problems found; Ctrl-C ends it early."""
     warnings.simplefilter("ignore")
     counts: Counter[str] = Counter()
-    for seed in range(first, last):
-        block = random_model(Random(seed), Wishes(arrays=seed % 2 == 1))
-        problem = attempt(block, seed, names)
-        counts["agree" if problem is None else type(problem).__name__] += 1
-        if problem is not None and counts[type(problem).__name__] <= 5:
-            print(f"---- seed {seed}: {type(problem).__name__}: {str(problem)[:500]}")
-            print(reduced(block, seed, names, type(problem)).text(), flush=True)
+    with suppress(KeyboardInterrupt):
+        for seed in range(first, last):
+            block = random_model(Random(seed), Wishes(arrays=seed % 2 == 1))
+            problem = attempt(block, seed, names)
+            kind = "agree" if problem is None else type(problem).__name__
+            counts[kind] += 1
+            if problem is not None and counts[kind] <= 5:
+                print(f"---- seed {seed}: {kind}: {str(problem)[:500]}")
+                print(reduced(block, seed, names, type(problem)).text(), flush=True)
     print(dict(counts))
-    return last - first - counts["agree"]
+    return counts.total() - counts["agree"]
 
 
 if __name__ == "__main__":
