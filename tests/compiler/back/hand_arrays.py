@@ -12,7 +12,7 @@ from hand import SPAN, Agent, X, tree
 
 from hierc.compiler import expression as e
 from hierc.compiler import model as m
-from hierc.compiler.columns import Column, column, expanded
+from hierc.compiler.arrays.columns import Column, column, expanded
 from hierc.grammar.source import SourceFile, Span
 
 

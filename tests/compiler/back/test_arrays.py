@@ -12,7 +12,7 @@ import pytest
 from hand_arrays import unrolled
 from oracle import Interpreter, System, generate, integers, ulps
 
-from hierc.compiler.columns import Column, taken
+from hierc.compiler.arrays.columns import Column, taken
 from hierc.runtime import contract
 from hierc.runtime.contract import Run, Steps
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hierc.compiler.columns import expanded
+from hierc.compiler.arrays.columns import expanded
 from hierc.compiler.driver import compile_source, model_of
 from hierc.compiler.model import Model, Node
 from hierc.grammar.problems import ModelError
