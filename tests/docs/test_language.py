@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from documents import DOCS, Block, accept, blocks, where
 
 import hierc
 from hierc.compiler.diagram import diagram
@@ -15,45 +16,17 @@ from hierc.compiler.driver import compile_source, model_of
 from hierc.compiler.model import Settings
 from hierc.compiler.shapes.functions import BUILT_IN_FUNCTIONS
 from hierc.explain import message_of, problems_of
-from hierc.grammar.source import SourceFile
 from hierc.graph import to_text
 from hierc.loader import placed, run_module
 from hierc.runtime.methods.catalogue import METHODS
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "language.md"
+DOCUMENT = DOCS / "language.md"
 TEXT = DOCUMENT.read_text(encoding="utf-8")
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
-    """A fenced block of the document, by its kind and the heading it stands under."""
-
-    kind: str
-    text: str
-    heading: str
-    line: int
-
-    @property
-    def source(self) -> SourceFile:
-        return SourceFile("model.hier", self.text)
-
-
-def blocks() -> list[Block]:
-    found: list[Block] = []
-    for match in re.finditer(r"^```([a-z-]+)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL):
-        before = TEXT[: match.start()]
-        heading = re.findall(r"^## (.*)$", before, re.MULTILINE)[-1]
-        found.append(Block(match[1], match[2], heading, before.count("\n") + 1))
-    return found
-
-
-BLOCKS = blocks()
+BLOCKS = blocks(DOCUMENT)
 MODELS = [block for block in BLOCKS if block.kind == "hier"]
 FAILING = [i for i, block in enumerate(BLOCKS) if block.kind == "hier-error"]
-
-
-def where(block: Block) -> str:
-    return f"{block.heading.replace(' ', '_')}-{block.line}"
 
 
 @pytest.fixture(scope="module")
@@ -61,8 +34,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the data and the Python modules of the document, each under the name that its first line gives it."""
     made = tmp_path_factory.mktemp("language")
     for block in BLOCKS:
-        if block.kind in ("csv", "python") and (name := re.match(r"# ([\w.]+)", block.text)):
-            (made / name[1]).write_text(block.text, encoding="utf-8")
+        if block.kind in ("csv", "python") and block.file_name:
+            (made / block.file_name).write_text(block.text, encoding="utf-8")
     return made
 
 
@@ -85,7 +58,7 @@ def test_messages_are_what_hierc_prints(place: int, folder: Path, request: pytes
     assert shown.kind == "text"
     message = message_of(block.source, folder) + "\n"
     if request.config.getoption("--accept"):
-        _accept(block.text, shown.text, message)
+        accept(DOCUMENT, shown, message, after=block.text)
     else:
         assert shown.text == message
 
@@ -95,16 +68,9 @@ def test_the_graph_is_what_hierc_prints(request: pytest.FixtureRequest) -> None:
     model = next(block for block in MODELS if block.heading == shown.heading)
     drawn = to_text(diagram(model_of(replace(model.source, name="tree.hier"))))
     if request.config.getoption("--accept"):
-        _accept("", shown.text, f"$ hierc graph tree.hier\n{drawn}")
+        accept(DOCUMENT, shown, f"$ hierc graph tree.hier\n{drawn}")
     else:
         assert shown.text == f"$ hierc graph tree.hier\n{drawn}"
-
-
-def _accept(before: str, old: str, new: str) -> None:
-    text = DOCUMENT.read_text(encoding="utf-8")
-    place = text.index(f"```text\n{old}```", text.index(before))
-    changed = text[:place] + f"```text\n{new}```" + text[place + len(f"```text\n{old}```") :]
-    DOCUMENT.write_text(changed, encoding="utf-8")
 
 
 # ---- lists ---------------------------------------------------------------------------------------

@@ -1,0 +1,140 @@
+"""The tutorial is true: its models compile without warnings, its commands print what is shown, its Python gives the shown values."""
+
+from __future__ import annotations
+
+import doctest
+import re
+import shlex
+from contextlib import redirect_stderr, redirect_stdout
+from io import BytesIO, TextIOWrapper
+from pathlib import Path
+
+import pytest
+from documents import DOCS, Block, accept, blocks, where
+
+from hierc.cli import main
+from hierc.explain import message_of, problems_of
+
+DOCUMENT = DOCS / "tutorial.md"
+BLOCKS = blocks(DOCUMENT)
+MODELS = [block for block in BLOCKS if block.kind == "hier"]
+FAILING = [i for i, block in enumerate(BLOCKS) if block.kind == "hier-error"]
+COMMANDS = [block for block in BLOCKS if block.kind == "console"]
+
+#: A row of statistics: its counters and step sizes may differ a little between machines.
+STATISTICS = re.compile(r"^  \S+ +(?:radau|dop|tsit)\d+ .*$")
+NUMBER = re.compile(r"(?<![\w.\[])\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.\]])")
+DURATION = re.compile(r"simulated in \S+ \S+ after \S+ \S+ of preparation")
+#: What only the first run on a machine says.
+FIRST = re.compile(r"^compiling .*\n", re.MULTILINE)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A current folder with the models of the tutorial."""
+    for block in MODELS:
+        assert block.file_name
+        (tmp_path / block.file_name).write_text(block.text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("NO_COLOR", "1")
+    return tmp_path
+
+
+def test_no_block_is_left_untested() -> None:
+    kinds = [block.kind for block in BLOCKS]
+    assert set(kinds) == {"sh", "hier", "hier-error", "text", "console", "pycon"}
+    assert kinds.count("sh") == 1  # how to install it, which the tests cannot
+    assert [i for i, kind in enumerate(kinds) if kind == "text"] == [i + 1 for i in FAILING]
+
+
+def test_every_section_is_in_the_contents() -> None:
+    text = DOCUMENT.read_text(encoding="utf-8")
+    headings = re.findall(r"^## (.*)$", text, re.MULTILINE)
+    contents = re.findall(r"^- \[(.*)\]\(#([\w-]+)\)$", text, re.MULTILINE)
+    assert contents == [(h, re.sub(r"[^\w -]", "", h.lower()).replace(" ", "-")) for h in headings]
+
+
+@pytest.mark.parametrize("block", MODELS, ids=where)
+def test_models_compile_without_warnings(block: Block, folder: Path) -> None:
+    assert [problem.title() for problem in problems_of(block.source, folder)] == []
+
+
+@pytest.mark.parametrize("place", FAILING, ids=lambda place: where(BLOCKS[place]))
+def test_messages_are_what_hierc_prints(place: int, request: pytest.FixtureRequest) -> None:
+    block, shown = BLOCKS[place], BLOCKS[place + 1]
+    message = message_of(block.source) + "\n"
+    if request.config.getoption("--accept"):
+        accept(DOCUMENT, shown, message, after=block.text)
+    else:
+        assert shown.text == message
+
+
+@pytest.mark.parametrize("block", COMMANDS, ids=where)
+def test_commands_print_what_is_shown(block: Block, folder: Path, request: pytest.FixtureRequest) -> None:
+    commands = [line.removeprefix("$ ") for line in block.text.splitlines() if line.startswith("$ ")]
+    printed = "".join(f"$ {command}\n{output_of(command)}" for command in commands)
+    if is_shown(block.text, printed):
+        return
+    if request.config.getoption("--accept"):
+        accept(DOCUMENT, block, printed)
+    else:
+        assert block.text == printed
+
+
+def output_of(command: str) -> str:
+    """What a command prints on the screen, but for what only the first run says."""
+    program, *arguments = shlex.split(command)
+    assert program == "hierc"
+    screen = TextIOWrapper(BytesIO(), encoding="utf-8", newline="\n", write_through=True)
+    with redirect_stdout(screen), redirect_stderr(screen):
+        main(arguments)
+    screen.seek(0)
+    return FIRST.sub("", screen.read())
+
+
+def is_shown(shown: str, printed: str) -> bool:
+    """Whether lines are alike; a line `…` stands for any number of lines."""
+    shown, printed = (DURATION.sub("simulated", text) for text in (shown, printed))
+    lines = printed.splitlines()
+    for number, part in enumerate(re.split(r"^…\n", shown, flags=re.MULTILINE)):
+        wanted = part.splitlines()
+        starts = range(len(lines) - len(wanted) + 1) if number else range(1)
+        start = next((s for s in starts if all(map(alike, wanted, lines[s:]))), None)
+        if start is None or len(lines) < len(wanted):
+            return False
+        lines = lines[start + len(wanted) :]
+    return not lines or shown.endswith("…\n")
+
+
+def alike(shown: str, printed: str) -> bool:
+    """Whether two lines are equal; in rows of statistics, numbers may differ by a third."""
+    if not STATISTICS.match(shown):
+        return shown == printed
+    words = [NUMBER.sub("#", " ".join(line.split())) for line in (shown, printed)]
+    pairs = zip(NUMBER.findall(shown), NUMBER.findall(printed), strict=False)
+    return words[0] == words[1] and all(float(a) == pytest.approx(float(b), rel=0.33) for a, b in pairs)
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed", "expected"),
+    [
+        ("a\nb\n", "a\nb\n", True), ("a\n", "a\nb\n", False), ("a\nb\n", "a\n", False), ("a\n…\n", "a\nb\nc\n", True),
+        ("a\n…\nc\n", "a\nb\nc\n", True), ("a\n…\nc\n", "a\nb\nd\n", False), ("a\n…\n", "b\n", False),
+        ("  plan  radau13  1  12  1 µs  742 ms\n", "  plan  radau13  1  13  1 µs  700 ms\n", True),
+        ("  plan  radau13  1  12  1 µs\n", "  plan  radau13  1  24  1 µs\n", False),
+        ("  plan  radau13  1  12  1 µs\n", "  plan  radau9   1  12  1 µs\n", False),
+        ("  plan  radau13  1  12  1 µs\n", "  body  radau13  1  12  1 µs\n", False),
+    ],
+)  # fmt: skip
+def test_what_is_shown_is_compared_line_by_line(shown: str, printed: str, expected: bool) -> None:
+    assert is_shown(shown, printed) == expected
+
+
+def test_python_gives_what_is_shown(folder: Path) -> None:
+    (block,) = (block for block in BLOCKS if block.kind == "pycon")
+    example = doctest.DocTestParser().get_doctest(block.text, {}, "tutorial", str(DOCUMENT), block.line)
+    said: list[str] = []
+    outcome = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(example, out=said.append)
+    assert outcome.attempted > 5
+    assert outcome.failed == 0, "".join(said)
