@@ -195,7 +195,14 @@ class FileMaker:
                 if self.chance(0.1):
                     value = self.maker(self._outside()).make(shape(state), state.unit, 1, loose=True)
                     init.append(f"{path}{state.name} = {value};")
-            if agent.states and not agent.layered and path and "[" not in path and len(items) == 1:
+            if (
+                agent.states
+                and not agent.subs
+                and not agent.levels
+                and path
+                and "[" not in path
+                and len(items) == 1
+            ):
                 items.append(Block(f"group {path[:-1]}", ["rtol = 1e-5;"]))
             if agent.writes and path and self.chance(0.2):
                 items.append(f"record {path}{self.rng.choice(['*', agent.writes[0].name])};")
