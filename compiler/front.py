@@ -44,6 +44,7 @@ from hierc.compiler.shapes.environment import Budget
 from hierc.compiler.structure.elaboration import elaborate
 from hierc.compiler.structure.experiments import (
     Choice,
+    check_gifts,
     choose,
     resolve_experiment,
     resolve_gifts,
@@ -154,6 +155,8 @@ def _model(
     agents, parameters = elaborate(context, outline, ParameterBuilder(context, gifts.arguments, overrides))
     problems.stop_on_errors()
     check_given(parameters.entries, overrides)
+    check_gifts(gifts, agents, context.environment(), problems)
+    problems.stop_on_errors()
     flat = flatten(context, agents, parameters, choice.experiment, gifts.initials)
     check_loops(flat, problems)
     problems.stop_on_errors()

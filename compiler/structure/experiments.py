@@ -31,7 +31,7 @@ from hierc.compiler.structure.errors import (
     WrongValue,
 )
 from hierc.compiler.structure.instances import Instance
-from hierc.compiler.structure.paths import Gift, Sub, find, group_named, recorded
+from hierc.compiler.structure.paths import Gift, Sub, check_gift, find, group_named, recorded
 from hierc.grammar import tree
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import Span
@@ -155,6 +155,19 @@ def resolve_gifts(
         {key: tuple(given) for key, given in arguments.items()},
         {key: tuple(given) for key, given in initials.items()},
     )
+
+
+def check_gifts(gifts: Gifts, agents: Sequence[Instance], env: Environment, problems: Collector) -> None:
+    """Whether there are all elements of arrays that gifts are for. `agents`: the blocks of all arrays; `env` is the file's scope."""
+    blocks: dict[int, list[Instance]] = {}
+    for agent in agents:
+        blocks.setdefault(agent.outline, []).append(agent)
+    for (outline, _), given in (*gifts.arguments.items(), *gifts.initials.items()):
+        for gift in given:
+            try:
+                check_gift(gift, blocks[outline], env)
+            except Rejected as rejection:
+                problems.rejected(rejection)
 
 
 Target = tuple[tuple[int, str], tuple[Sub | None, ...]]
@@ -332,7 +345,7 @@ class _Resolver:
 
     def _group(self, item: tree.GroupSettings) -> None:
         try:
-            name = group_named(item.path, self._groups, self._nodes)
+            name = group_named(item.path, self._groups, self._nodes, self._env)
         except Rejected as rejection:
             self._problems.rejected(rejection)
             return

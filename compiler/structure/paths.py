@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hierc.compiler.arrays.columns import Column, Integers, expanded
+from hierc.compiler.arrays.columns import Column, Index, Integers, expanded
 from hierc.compiler.arrays.domains import Domain
 from hierc.compiler.arrays.elements import Elements
-from hierc.compiler.arrays.errors import NotAnArray, OutOfArray
+from hierc.compiler.arrays.errors import EmptyArray, NotAnArray, OutOfArray
 from hierc.compiler.collector import Rejected
 from hierc.compiler.model import Group, Node, Variable
 from hierc.compiler.shapes.environment import Environment
@@ -90,17 +90,17 @@ def find(path: tree.Path, instances: Sequence[Instance]) -> Named:
     return Named(at, last.name.text, last.subs, tuple(elements))
 
 
-def group_named(path: tree.Path, groups: Sequence[Group], nodes: Sequence[Node]) -> str:
-    """The group of this name, or the one that all of an agent or level belongs to; the groups of an array together, or one of them.
+def group_named(path: tree.Path, groups: Sequence[Group], nodes: Sequence[Node], env: Environment) -> str:
+    """The group of this name, or the one that all of an agent or level belongs to; the groups of an array together, or some of them.
 
-    Raises Rejected (E910).
+    Raises Rejected (E910, E801, E805, E806).
     """
     text = path.span.text
     plain = path.text
     known = {group.name.replace("[]", ""): group for group in groups}
     if plain in known:
         family = known[plain]
-        return text if any(step.subs for step in path.steps) and family.indices else plain
+        return _with_indices(family.name, _columns(family.indices, family.count), path.steps, env)
     blocks = Elements(node.first for node in nodes)
     found = tuple(
         name
@@ -152,11 +152,11 @@ def recorded(pattern: tree.Pattern, variables: Mapping[str, Variable], env: Envi
             written = [name for name, v in by_name.items() if v.access == "write"]
             owners = dict.fromkeys(name.rpartition(".")[0] for name in written)
             raise Rejected(_no_match(pattern, [f"{owner}.*" for owner in owners if owner]))
-        return [_with_indices(v, agents, env) for v in found]
+        return [_named(v, agents, env) for v in found]
     variable = by_name.get(path)
     if variable is None:
         raise Rejected(_no_match(pattern, list(by_name)))
-    name = _with_indices(variable, agents, env)
+    name = _named(variable, agents, env)
     if not steps[-1].subs:
         return [name]
     _, places = elements(steps[-1].subs, path, variable.shape, pattern.path, env)
@@ -164,39 +164,74 @@ def recorded(pattern: tree.Pattern, variables: Mapping[str, Variable], env: Envi
     return [names[place] for place in places]
 
 
-def _with_indices(variable: Variable, steps: Sequence[tree.Step], env: Environment) -> str:
-    """The name of a variable, of the elements of arrays that the steps choose: `car[2..5].x`; `car.x` is all of them."""
-    names = variable.path.split(".")
+def _named(variable: Variable, steps: Sequence[tree.Step], env: Environment) -> str:
+    return _with_indices(variable.path, _columns(variable.indices, variable.count), steps, env)
+
+
+def _columns(indices: Sequence[Index], count: int) -> list[Integers]:
+    return [expanded(own, count) for own in indices]
+
+
+def _with_indices(
+    path: str, indices: Sequence[Integers], steps: Sequence[tree.Step], env: Environment
+) -> str:
+    """The name of some elements of arrays, from a path such as `car[].x`, the elements' indices for each `[]`, and the steps that choose some.
+
+    `car[2..5].x`; `car.x` is all of them. Raises Rejected (E801, E805, E806).
+    """
+    names = path.split(".")
     arrays = [place for place, name in enumerate(names) if name.endswith("[]")]
     shown = [name.removesuffix("[]") for name in names]
     for place, step in enumerate(steps):
         if step.subs and place not in arrays:
             raise Rejected(NotAnArray(step.span, name=step.name.text, arrays=()))
-        if step.subs:
-            indices = variable.indices[arrays.index(place)]
-            shown[place] += _subscript(step.subs[0], step, expanded(indices, variable.count), env)
+    chosen = [steps[place] if place < len(steps) and steps[place].subs else None for place in arrays]
+    for place, numbers in zip(arrays, _numbers(chosen, indices, env), strict=True):
+        shown[place] += f"[{'..'.join(map(str, numbers))}]" if numbers else ""
     return ".".join(shown)
 
 
-def _subscript(sub: Sub, step: tree.Step, indices: Integers, env: Environment) -> str:
-    """A subscript of an array of agents as numbers. Raises Rejected (E801) where there is no such element."""
-    ends = (sub.first, sub.last) if isinstance(sub, tree.Range) else (sub,)
-    numbers = [known_integer(end, env, "index") for end in ends]
-    first, last = int(indices.min()), int(indices.max())
-    outside = next((n for n in numbers if not first <= n <= last), None)
-    if outside is not None:
-        raise Rejected(
-            OutOfArray(
-                step.span,
-                text=step.span.text,
-                index=outside,
-                first=first,
-                last=last,
-                where=(),
-                index_name=None,
-            )
-        )
-    return f"[{'..'.join(map(str, numbers))}]"
+def check_gift(gift: Gift, blocks: Sequence[Instance], env: Environment) -> None:
+    """Whether there are the elements that something is given to, of the agents `blocks`. Raises Rejected (E801, E805)."""
+    if gift.whole:
+        return
+    subscripted = iter(step for step in gift.path.steps[:-1] if step.subs)
+    steps = [None if sub is None else next(subscripted) for sub in gift.elements]
+    columns = [np.concatenate(own) for own in zip(*(block.domain.indices for block in blocks), strict=True)]
+    _numbers(steps, columns, env)
+
+
+def _numbers(
+    steps: Sequence[tree.Step | None], indices: Sequence[Integers], env: Environment
+) -> list[tuple[int, ...]]:
+    """The subscripts of arrays, one inside the other, as numbers: an index, the ends of a range, or none where there is no step.
+
+    `indices`: those of all elements, for each array. Raises Rejected (E801) where those chosen so far have no such index, or E805.
+    """
+    found: list[tuple[int, ...]] = []
+    chosen = np.ones(len(indices[0]) if indices else 1, np.bool_)
+    for step, own in zip(steps, indices, strict=True):
+        if step is None:
+            found.append(())
+            continue
+        sub = step.subs[0]
+        ends = (sub.first, sub.last) if isinstance(sub, tree.Range) else (sub,)
+        numbers = tuple(known_integer(end, env, "index") for end in ends)
+        there = own[chosen]
+        first, last = int(there.min()), int(there.max())
+        outside = next((n for n in numbers if not first <= n <= last), None)
+        if outside is not None:
+            raise Rejected(_outside(step, outside, first, last))
+        if numbers[-1] < numbers[0]:
+            raise Rejected(EmptyArray(step.span, name=step.name.text, first=numbers[0], last=numbers[-1]))
+        chosen &= (own >= numbers[0]) & (own <= numbers[-1])
+        found.append(numbers)
+    return found
+
+
+def _outside(step: tree.Step, index: int, first: int, last: int) -> OutOfArray:
+    text = step.span.text
+    return OutOfArray(step.span, text=text, index=index, first=first, last=last, where=(), index_name=None)
 
 
 def _no_match(pattern: tree.Pattern, candidates: Sequence[str]) -> MatchesNothing:

@@ -341,9 +341,16 @@ def test_records_of_elements(items: str, expected: tuple[str, ...]) -> None:
     [
         ("record car[5].x;", "E801"),
         ("record car[2].z;", "E904"),
-        ("init { car[5].x = 1; }", None),
+        ("record car[3..2].x;", "E805"),
+        ("init { car[4].x = 1; car[1..4].x = 2; }", None),
+        ("init { car[5].x = 1; }", "E801"),
+        ("init { car[0..3].x = 1; }", "E801"),
+        ("init { car[3..2].x = 1; }", "E805"),
         ("group cars { rtol = 1e-3; }", "E910"),
         ("group car { rtol = 1e-3; }", None),
+        ("group car[5] { rtol = 1e-3; }", "E801"),
+        ("group car[3..5] { rtol = 1e-3; }", "E801"),
+        ("group car[4].x { rtol = 1e-3; }", "E910"),
     ],
 )
 def test_paths_of_experiments(items: str, code: str | None) -> None:
@@ -352,6 +359,27 @@ def test_paths_of_experiments(items: str, code: str | None) -> None:
         assert model(text).nodes
     else:
         assert codes(text) == [code]
+
+
+@pytest.mark.parametrize("element", ["car[5]", "car[0]", "car[2..5]"])
+def test_arguments_of_elements_that_are_not_there(element: str) -> None:
+    assert codes(f"{ROAD} experiment e of Road({element}.k = 2) {{ stop = 1 [s]; }}") == ["E801"]
+
+
+def test_elements_of_arrays_that_differ_in_size() -> None:
+    """A subscript counts among the elements that those before it chose."""
+    rows = """agent Row(int n) { agent car[i in 1..n] = Lag() [u := 1]; }
+        agent Grid() { agent row[i in 1..3] = Row(n = i); }"""
+    text = f"{rows} experiment e of Grid(row[%s].car[2].k = 2) {{ stop = 1 [s]; }}"
+    assert model(text % "2..3").nodes
+    assert codes(text % "1") == ["E801"]
+
+
+def test_subscripts_of_an_experiment_are_computed() -> None:
+    items = "stop = 1 [s]; group car[last] { rtol = 1e-3; } group car[2..last] { atol = 1e-3; } record car[last - 1].x;"
+    made = model(f"const int last = 4; {ROAD} experiment e of Road() {{ {items} }}")
+    assert [name for name, _ in made.experiment.groups] == ["car[4]", "car[2..4]"]
+    assert made.experiment.record == ("car[3].x",)
 
 
 def test_gifts_of_an_experiment_to_elements() -> None:
