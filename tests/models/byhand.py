@@ -40,9 +40,17 @@ def cart(t: float, x: States) -> Derivatives:
     nose = here + L * heading
     motion = (rate + k * (point(x["plan.p"]) - nose)) / heading  # of the nose, in the cart's own axes
     v, om = motion.real, motion.imag / L
-    found: Derivatives = {"plan.p": pair(rate), "kin.x": (v * heading).real, "kin.y": (v * heading).imag, "kin.th": om}
+    found: Derivatives = {
+        "plan.p": pair(rate),
+        "kin.x": (v * heading).real,
+        "kin.y": (v * heading).imag,
+        "kin.th": om,
+    }
     leader = (here, float(x["kin.th"]), v, om)
-    for name, *gains in (("cart", 0.0, 4.0, 10.0, 5.0, 30.0, 150.0), ("tail", 1.0, 8.0, 20.0, 10.0, 80.0, 400.0)):
+    for name, *gains in (
+        ("cart", 0.0, 4.0, 10.0, 5.0, 30.0, 150.0),
+        ("tail", 1.0, 8.0, 20.0, 10.0, 80.0, 400.0),
+    ):
         derivatives, leader = _steered(x, name, leader, *gains)
         found |= derivatives
     return found
@@ -96,7 +104,9 @@ def inverse_dynamics(
     torques, carried, moment = np.zeros(len(q)), 0j, 0.0
     for k in reversed(range(len(q))):
         moment += J[k] * turn[k]
-        moment += ((c[k] * heading[k]).conjugate() * forces[k] + (l[k] * heading[k]).conjugate() * carried).imag
+        moment += (
+            (c[k] * heading[k]).conjugate() * forces[k] + (l[k] * heading[k]).conjugate() * carried
+        ).imag
         carried += forces[k]
         torques[k] = moment
     return torques
@@ -199,7 +209,9 @@ def quadrotor(t: float, x: States) -> Derivatives:
     curve = np.array([-a * np.sin(phase), -4 * b * np.sin(2 * phase), 0.0])
     found: Derivatives = {"path.phase": rate, "path.rate": jerk}
     first = _vehicle(x, "first", place, rate * tangent, jerk * tangent + rate**2 * curve)
-    second = _vehicle(x, "second", x["first.p"] + [-1.0, 0.0, 0.5], x["first.v"], np.asarray(first["first.v"]))
+    second = _vehicle(
+        x, "second", x["first.p"] + [-1.0, 0.0, 0.5], x["first.v"], np.asarray(first["first.v"])
+    )
     return found | first | second
 
 
@@ -213,7 +225,9 @@ def _vehicle(x: States, name: str, place: Floats, velocity: Floats, acceleration
 
     wish = acceleration + 3.5 * (velocity - v) + 4.0 * (place - p) + [0, 0, G]
     up = wish / np.linalg.norm(wish)
-    forward = np.cross([0, 1, 0], up) / np.linalg.norm(np.cross([0, 1, 0], up))  # the nose turns neither left nor right
+    forward = np.cross([0, 1, 0], up) / np.linalg.norm(
+        np.cross([0, 1, 0], up)
+    )  # the nose turns neither left nor right
     wished = Rotation.from_matrix(np.column_stack([forward, np.cross(up, forward), up])).as_euler("ZYX")[::-1]
     gyro = np.cross(spin, INERTIA @ spin)
     torque = 30.0 * INERTIA @ (10.0 * (wished - angles) - spin) + gyro
