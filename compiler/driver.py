@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, assert_never, get_args
 
+from hierc.compiler.arrays.elements import plain
 from hierc.compiler.callees.callee import Extern
 from hierc.compiler.front import analyse, check_file
 from hierc.compiler.imports.modules import NO_FILES, Reader
@@ -50,7 +51,7 @@ def compile_source(
     model = model_of(source, experiment, params, strict_units=strict_units, reader=reader)
     from hierc.compiler.symbolic.derive import derive
 
-    structural = tuple(dict.fromkeys(p.path.replace("[]", "") for p in model.parameters if p.structural))
+    structural = tuple(dict.fromkeys(plain(p.path) for p in model.parameters if p.structural))
     symbolic = derive(model)
     externs = tuple(c.callee for c in symbolic.called if isinstance(c.callee, Extern))
     return Compiled(_python(model, symbolic), model.warnings, structural, externs)

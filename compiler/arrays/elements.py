@@ -55,6 +55,11 @@ def distinct(values: Integers) -> Integers:
 # ---- names ----------------------------------------------------------------------------------
 
 
+def plain(path: str) -> str:
+    """A path without the marks of arrays: `car.engine` for `car[].engine`, of whatever element."""
+    return path.replace("[]", "")
+
+
 def spelled(path: str, indices: Sequence[Index]) -> str:
     """What a reader calls elements: `car[].engine` with the indices 2, 3, 4 is `car[2..4].engine`."""
     pieces = path.split("[]")

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from hierc.compiler.arrays.columns import Integers
-from hierc.compiler.arrays.elements import spelled
+from hierc.compiler.arrays.elements import plain, spelled
 from hierc.compiler.arrays.errors import NotAnArray
 from hierc.compiler.cascade.edges import Edges, element_edges
 from hierc.compiler.cascade.errors import InTwoGroups, LargeGroup, NameTaken, NoSuchMember
@@ -134,8 +134,8 @@ class Assignment:
         taken = {home.name for home in homes if home is not None and home.written} & spans.keys()
         for name in rest.keys() & taken:
             kind: Literal["level", "agent"] = "level" if self._flat_nodes[rest[name]].levels else "agent"
-            path = self._flat_nodes[rest[name]].path
-            self._problems.add(NameTaken(spans[name], name=name, kind=kind, rest=path))
+            path = plain(self._flat_nodes[rest[name]].path)
+            self._problems.add(NameTaken(spans[name], name=plain(name), kind=kind, rest=path))
 
     # ---- agents in no level ---------------------------------------------------------------------------------------------------------
 
@@ -158,7 +158,7 @@ class Assignment:
         """The name of a group of several agents: all of an array by its name."""
         whole = [g for g in labels.names if np.isin(g.labels, part).all()]
         if len(part) > SPELLED and sum(len(groups.labels) for groups in whole) == len(part):
-            return "+".join(dict.fromkeys(groups.name.replace("[]", "") for groups in whole))
+            return "+".join(dict.fromkeys(plain(groups.name) for groups in whole))
         members = [labels.name(int(label)) for label in part[:SPELLED]]
         return "+".join([*members, *(["…"] if len(part) > SPELLED else [])])
 
@@ -182,10 +182,9 @@ class Assignment:
     def _put(self, found: dict[int, tuple[_Home, Span]], n: int, home: _Home, span: Span) -> None:
         first = found.get(n)
         if first is not None and first[0].name != home.name:
-            path = self._flat_nodes[n].path
-            self._problems.add(
-                InTwoGroups(span, name=path, first=first[0].name, second=home.name, first_span=first[1])
-            )
+            names = (self._flat_nodes[n].path, first[0].name, home.name)
+            path, one, other = (plain(name) for name in names)
+            self._problems.add(InTwoGroups(span, name=path, first=one, second=other, first_span=first[1]))
         found[n] = (home, span)
 
     def _each(self, instance: Instance, each: tree.GroupEach) -> Iterator[tuple[int, Instance]]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hierc.compiler.arrays.columns import Integers, expanded
+from hierc.compiler.arrays.elements import plain
 from hierc.compiler.cascade.assignment import Assignment, Labels, NamedGroups, warn_of_large
 from hierc.compiler.cascade.edges import Edges, element_edges
 from hierc.compiler.cascade.errors import CyclicGroups, LevelWithoutStates
@@ -168,4 +169,4 @@ def _warn_of_stateless_levels(
         (instance, outer), index = standing
         agent = instances[instance].agent
         span = agent.levels[agent.inside(outer)[index]].span
-        problems.add(LevelWithoutStates(span, level=level_name(instances, standing), reader=reader))
+        problems.add(LevelWithoutStates(span, level=plain(level_name(instances, standing)), reader=reader))

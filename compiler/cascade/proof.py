@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from hierc.compiler.arrays.columns import expanded
+from hierc.compiler.arrays.elements import plain
 from hierc.compiler.cascade.detours import Detour, behind, continuous, detours
 from hierc.compiler.cascade.errors import BrokenCascade, LaterDerivative
 from hierc.compiler.collector import Collector
@@ -170,7 +171,9 @@ def _roundabout(
         source_level=names[detour.later],
         read=bind.name.text if bind else None,
         agents=member is not None,
-        through=tuple(dict.fromkeys(flat_nodes[node].path for node in detour.through)),
+        through=tuple(
+            dict.fromkeys(plain(flat_nodes[n].path) or flat_nodes[n].template for n in detour.through)
+        ),
         back=detour.back,
     )
 

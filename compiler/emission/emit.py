@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 
+from hierc.compiler.arrays.elements import plain
 from hierc.compiler.emission import callees
 from hierc.compiler.emission.face import face
 from hierc.compiler.emission.function import BLOCK_ARRAYS, FunctionBody
@@ -70,7 +71,7 @@ def emit(plan: Plan) -> str:
             statements += [Blank(2), function]
     statements += [Blank(2), Comment("---- tables ".ljust(90, "-")), Blank(2), _defaults(plan)]
     blocks = plan.symbolic.block_defaults
-    agents = class_names(["parameter", *(block.path.replace("[]", "") for block in blocks)])
+    agents = class_names(["parameter", *(plain(block.path) for block in blocks)])
     functions = [function_name(agent, "defaults") for agent in agents[1:]]  # the first is DEFAULTS
     for name, block in zip(functions, blocks, strict=True):
         statements += [Blank(2), _block_defaults(plan.symbolic.values, name, block)]

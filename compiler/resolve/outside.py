@@ -12,6 +12,7 @@ import numpy as np
 
 from hierc.compiler import model
 from hierc.compiler.arrays.columns import expanded
+from hierc.compiler.arrays.elements import plain
 from hierc.compiler.arrays.errors import CountsDiffer, OutOfArray, StructuralElement
 from hierc.compiler.collector import Collector, Rejected
 from hierc.compiler.expression import Number
@@ -72,7 +73,7 @@ def check_given(parameters: Iterable[model.Parameter], given: Given) -> None:
     problems = Collector()
     known: dict[str, list[model.Parameter]] = {}
     for parameter in parameters:
-        known.setdefault(parameter.path.replace("[]", ""), []).append(parameter)
+        known.setdefault(plain(parameter.path), []).append(parameter)
     for path, value in given.items():
         plain = _SUBSCRIPT.sub(".", path)
         blocks = known.get(plain)

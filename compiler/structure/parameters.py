@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hierc.compiler import expression, model
 from hierc.compiler.arrays.columns import Column, Index, Integers, column, taken
 from hierc.compiler.arrays.domains import Domain
+from hierc.compiler.arrays.elements import plain
 from hierc.compiler.arrays.errors import StructuralElement
 from hierc.compiler.collector import Rejected
 from hierc.compiler.context import Context
@@ -196,7 +197,7 @@ class ParameterBuilder:
         scale = scale_of(param.unit)
         shape = declared_shape(param.type, env)
         structural = name in self._structural[instance.agent.name]
-        whole = path.replace("[]", "")
+        whole = plain(path)
         if structural and whole in self._given:
             value = outside_value(whole, self._given[whole], param.type.scalar, shape, scale)
         else:
@@ -238,7 +239,7 @@ class ParameterBuilder:
                 value = given
             elif mask.any():
                 if param.name.text in self._structural[instance.agent.name]:
-                    path = instance.named(param.name.text).replace("[]", "")
+                    path = plain(instance.named(param.name.text))
                     raise Rejected(StructuralElement(gift.path.span, name=param.name.text, path=path))
                 value = overlaid(mask, given, value, gift.path)
         if value is None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from hierc.compiler.arrays.columns import Column, Index, Integers, expanded
 from hierc.compiler.arrays.domains import Domain
 from hierc.compiler.arrays.elements import Elements
+from hierc.compiler.arrays.elements import plain as plain_path
 from hierc.compiler.arrays.errors import EmptyArray, NotAnArray, OutOfArray
 from hierc.compiler.collector import Rejected
 from hierc.compiler.model import Group, Node, Variable
@@ -97,7 +98,7 @@ def group_named(path: tree.Path, groups: Sequence[Group], nodes: Sequence[Node],
     """
     text = path.span.text
     plain = path.text
-    known = {group.name.replace("[]", ""): group for group in groups}
+    known = {plain_path(group.name): group for group in groups}
     if plain in known:
         family = known[plain]
         return _with_indices(family.name, _columns(family.indices, family.count), path.steps, env)
@@ -126,8 +127,8 @@ def _blocks(group: Group, blocks: Elements) -> Iterator[int]:
 
 def _is_in(node: Node, path: str) -> bool:
     """Whether a node is the agent or level of this name, or in it."""
-    whole = node.path.replace("[]", "")
-    levels = [level.replace("[]", "") for level in node.levels]
+    whole = plain_path(node.path)
+    levels = [plain_path(level) for level in node.levels]
     return whole == path or whole.startswith(f"{path}.") or path in levels
 
 
@@ -145,7 +146,7 @@ def recorded(pattern: tree.Pattern, variables: Mapping[str, Variable], env: Envi
     steps = pattern.path.steps
     agents = steps if pattern.star else steps[:-1]
     path = pattern.path.text
-    by_name = {name.replace("[]", ""): variable for name, variable in variables.items()}
+    by_name = {plain_path(name): variable for name, variable in variables.items()}
     if pattern.star:
         found = [v for name, v in by_name.items() if name.startswith(f"{path}.") and v.access == "write"]
         if not found:
