@@ -75,10 +75,10 @@ def check_given(parameters: Iterable[model.Parameter], given: Given) -> None:
     for parameter in parameters:
         known.setdefault(plain(parameter.path), []).append(parameter)
     for path, value in given.items():
-        plain = _SUBSCRIPT.sub(".", path)
-        blocks = known.get(plain)
+        whole = _SUBSCRIPT.sub(".", path)
+        blocks = known.get(whole)
         try:
-            if blocks is None or (plain != path and not blocks[0].indices):
+            if blocks is None or (whole != path and not blocks[0].indices):
                 firsts = {name: entries[0] for name, entries in known.items()}
                 raise Rejected(
                     UnknownParameter(
