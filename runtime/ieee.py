@@ -1,6 +1,7 @@
 """Generated functions under CPython where CPython would raise: in the arithmetic of the machine, 1/0 infinite, the root of -1 NaN.
 
-So a fault spoils what depends on it, not all that the function computes. numpy's functions stand in for `math`'s; they need not agree to the last bit.
+So a fault spoils what depends on it, not all that the function computes. Where `math`'s functions raise numpy's stand in for them: elsewhere all bits are
+CPython's, and so those of machine code.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from hierc.runtime.externs import Extern
 from hierc.runtime.tables import Table
 
-_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "pow": "power"}
+_OTHER_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "pow": "power"}
 _SAME = (
     "sqrt",
     "fabs",
@@ -33,9 +34,22 @@ _SAME = (
     "tanh",
     "fmod",
 )
-_MATH = types.SimpleNamespace(
-    **{name: getattr(np, _NAMES.get(name, name)) for name in (*_SAME, *_NAMES)},
-)
+
+
+def _never_raising(name: str) -> Callable[..., np.float64]:
+    usual: Callable[..., float] = getattr(math, name)
+    at_faults: Callable[..., np.float64] = getattr(np, _OTHER_NAMES.get(name, name))
+
+    def function(*args: float) -> np.float64:
+        try:
+            return np.float64(usual(*args))
+        except (ValueError, OverflowError):
+            return at_faults(*args)
+
+    return function
+
+
+_MATH = types.SimpleNamespace(**{name: _never_raising(name) for name in (*_SAME, *_OTHER_NAMES)})
 
 
 def _quiet(callee: Table | Extern) -> Callable[..., np.float64]:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.runtime.batch import batch
 from hierc.runtime.contract import Plan, Variable
 from hierc.runtime.elements import expanded
 from hierc.runtime.paths import Catalogue, Selection
@@ -22,7 +23,8 @@ Integers = NDArray[np.int64]
 
 def catalogue(plan: Plan) -> Catalogue:
     """The names of a plan's variables."""
-    return Catalogue("unknown variable", [(v.path, v.count, v.indices) for v in plan.variables])
+    entries = [(v.path, v.count, v.indices) for v in plan.variables]
+    return Catalogue("unknown variable", entries, [v.shape for v in plan.variables])
 
 
 def evaluate(
@@ -87,6 +89,10 @@ class _Observed:
     def _compute(self, system: System, trajectories: Trajectories, t: Floats) -> None:
         nodes: list[int] = self.elements.tolist()
         calls = system.calls_for(nodes)
+        many = batch(system, calls, nodes, len(t))
+        if many is not None:
+            self.table = many.observe(trajectories, t)
+            return
         needed = _states_of(system, [*nodes, *(e for e, _ in calls)])
         states = trajectories.states(needed, t)
         world, positions = system.world(np.full(system.size, np.nan)), needed.tolist()

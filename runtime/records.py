@@ -1,4 +1,5 @@
-"""The memory that the kernel works on: one `Group` record a subsystem, its `Source`s, and the `Run`; `Request`s for what it left.
+"""The memory that the kernel works on: one `Group` record a subsystem, its `Source`s, and the `Run`; `Request`s for what it left
+and `Evaluation`s of what it did not look at.
 
 All fields are 8 bytes; Python fills them through `dialect.RecordArray`, machine code reads and writes them in place. Everything that a run needs to go on
 is in here, so that the kernel can return to Python at any step and be called again.
@@ -114,3 +115,12 @@ class Request(Record):
     degree: int
     places: Array[int]
     channels: int
+
+
+class Evaluation(Record):
+    """A function of one element, which `code` evaluates at all times: it reads rows `places` of a world and sets rows `targets`."""
+
+    code: int
+    places: Array[int]
+    targets: Array[int]
+    p: Array[float]

@@ -26,7 +26,7 @@ Integers = NDArray[np.int64]
 _NAN = float("nan")
 _FAULTS = (ZeroDivisionError, ValueError, OverflowError)
 #: Stands for the discrete variables, of which there are none yet.
-_NO_DISCRETE: list[float] = []
+NO_DISCRETE: list[float] = []
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class System:
                 key = (block.kind, row.tobytes())
                 if key not in known:
                     known[key] = [_NAN] * kind.values
-                    _call(kind.fill, row.tolist(), known[key])
+                    call(kind.fill, row.tolist(), known[key])
                 found.append(known[key])
         return tuple(found)
 
@@ -93,7 +93,7 @@ class System:
             if key not in known:
                 kind = self.plan.classes[key[0]]
                 known[key] = [_NAN] * len(kind.states)
-                _call(kind.nominal, self.values[element], known[key])
+                call(kind.nominal, self.values[element], known[key])
             found.append(known[key])
         return np.fromiter(chain.from_iterable(found), np.float64)
 
@@ -152,7 +152,7 @@ class System:
                 kind = self.plan.classes[self._kinds[element]]
                 if kind.states:
                     own = [_NAN] * len(kind.states)
-                    _call(kind.start, t, self._inputs(element, world), self.values[element], own)
+                    call(kind.start, t, self._inputs(element, world), self.values[element], own)
                     first = self.offsets[element]
                     world[first : first + len(own)] = own
                 for part in range(len(kind.parts)):
@@ -168,7 +168,7 @@ class System:
             dx = [_NAN] * len(kind.states)
             first = self.offsets[element]
             own = world[first : first + len(dx)]
-            _call(kind.rhs, t, own, self._inputs(element, world), _NO_DISCRETE, self.values[element], dx)
+            call(kind.rhs, t, own, self._inputs(element, world), NO_DISCRETE, self.values[element], dx)
             result[first : first + len(dx)] = dx
         return np.array(result)
 
@@ -212,7 +212,7 @@ class System:
         kind, first = self.kind(element), self.offsets[element]
         entries = [_NAN] * len(kind.pattern)
         own, inputs = world[first : first + len(kind.states)], self._inputs(element, world)
-        _call(kind.jac, t, own, inputs, _NO_DISCRETE, self.values[element], entries)
+        call(kind.jac, t, own, inputs, NO_DISCRETE, self.values[element], entries)
         return entries
 
     def observe(self, t: float, world: list[float], nodes: Iterable[int]) -> dict[int, list[float]]:
@@ -223,7 +223,7 @@ class System:
             result[element] = [_NAN] * kind.observed
             if kind.observe is not None:
                 own, inputs = world[first : first + len(kind.states)], self._inputs(element, world)
-                _call(kind.observe, t, own, inputs, _NO_DISCRETE, self.values[element], result[element])
+                call(kind.observe, t, own, inputs, NO_DISCRETE, self.values[element], result[element])
         return result
 
     # ---- outs ---------------------------------------------------------------------------------------
@@ -253,7 +253,7 @@ class System:
         made = kind.parts[part]
         y = [_NAN] * kind.outs
         own, inputs = world[first : first + len(kind.states)], self._inputs(element, world)
-        _call(made.function, t, own, inputs, _NO_DISCRETE, self.values[element], y)
+        call(made.function, t, own, inputs, NO_DISCRETE, self.values[element], y)
         slot = self._slots[element]
         for out in made.outs:
             world[slot + out] = y[out]
@@ -308,7 +308,7 @@ class System:
         return [world[k] for k in self.reads[element]]
 
 
-def _call(function: Callable[..., None], *args: Any) -> None:
+def call(function: Callable[..., None], *args: Any) -> None:
     """Call a generated function; what it could not compute is NaN."""
     try:
         function(*args)

@@ -37,6 +37,8 @@ def check_class(kind: Class) -> None:
     arrays: Readable = {"x": range(n), "u": range(m), "d": (), "p": range(kind.values)}
     _check(kind.rhs, arrays, "dx", range(n))
     _check(kind.jac, arrays, "J", range(len(kind.pattern)))
+    if kind.observe is not None:
+        _check(kind.observe, arrays, "y", range(kind.observed))
     for part in kind.parts:
         if not set(part.inputs) <= set(range(m)) or not set(part.outs) <= set(range(kind.outs)):
             raise UnsupportedCode(f"{kind.name}: a part with inputs {part.inputs} and outs {part.outs}")

@@ -63,12 +63,12 @@ def build(
 ) -> Program:
     """Compile, or take from the cache, the kernel and the pieces for each (form, method)."""
     store = cache_folder("objects") if cache else None
-    objects = [_cached(store, f"kernel {_runtime_digest()}", _kernel, announce, "the integration kernel")]
+    objects = [cached(store, f"kernel {runtime_digest()}", _kernel, announce, "the integration kernel")]
     labels: dict[tuple[Form, str], tuple[str, dict[str, Any]]] = {}
     for form, name in dict.fromkeys(wanted):
         text = _description(classes, form, name)
         label = "g" + hashlib.sha256(text.encode()).hexdigest()[:16]
-        made = _cached(store, text, functools.partial(_form, label, classes, form, METHODS[name]), None, "")
+        made = cached(store, text, functools.partial(_form, label, classes, form, METHODS[name]), None, "")
         labels[form, name] = (label, made[0])
         objects.append(made)
     code = Loaded([o for _, o in objects])
@@ -124,7 +124,7 @@ def _functions(kind: Class) -> list[Callable[..., None]]:
     return [kind.rhs, *(p.function for p in kind.parts), kind.jac]
 
 
-def _cached(
+def cached(
     store: Path | None,
     content: str,
     make: Callable[[], tuple[dict[str, Any], Unit]],
@@ -164,19 +164,20 @@ def _description(classes: tuple[Class, ...], form: Form, method: str) -> str:
         kind = classes[k]
         sizes = (len(kind.states), kind.inputs, kind.values, kind.outs)
         texts.append(repr((k, sizes, kind.pattern, [(p.outs, p.inputs) for p in kind.parts])))
-        texts += [_text(f) for f in _functions(kind)]
+        texts += [text_of(f) for f in _functions(kind)]
     for name, callee in _callees(classes, form).items():
         texts.append(f"{name}: {callees.description(callee)}")
-    return "\n".join([_runtime_digest(), method, repr(form), *texts])
+    return "\n".join([runtime_digest(), method, repr(form), *texts])
 
 
 @functools.cache
-def _text(function: Callable[..., Any]) -> str:
+def text_of(function: Callable[..., Any]) -> str:
+    """A function's source."""
     return inspect.getsource(function)
 
 
 @functools.cache
-def _runtime_digest() -> str:
+def runtime_digest() -> str:
     """Hash of the sources that shape machine code."""
     here = Path(__file__).parent
     files = [*here.glob("*.py"), *here.parent.glob("methods/*.py")]
