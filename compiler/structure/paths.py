@@ -100,8 +100,9 @@ def group_named(path: tree.Path, groups: Sequence[Group], nodes: Sequence[Node],
     plain = path.text
     known = {plain_path(group.name): group for group in groups}
     if plain in known:
-        family = known[plain]
-        return _with_indices(family.name, _columns(family.indices, family.count), path.steps, env)
+        name = known[plain].name
+        parts = [_columns(group.indices, group.count) for group in groups if group.name == name]
+        return _with_indices(name, [np.concatenate(own) for own in zip(*parts, strict=True)], path.steps, env)
     blocks = Elements(node.first for node in nodes)
     found = tuple(
         name

@@ -348,6 +348,7 @@ def test_records_of_elements(items: str, expected: tuple[str, ...]) -> None:
         ("init { car[3..2].x = 1; }", "E805"),
         ("group cars { rtol = 1e-3; }", "E910"),
         ("group car { rtol = 1e-3; }", None),
+        ("group car[1] { rtol = 1e-3; } group car[4] { rtol = 1e-3; }", None),
         ("group car[5] { rtol = 1e-3; }", "E801"),
         ("group car[3..5] { rtol = 1e-3; }", "E801"),
         ("group car[4].x { rtol = 1e-3; }", "E910"),
@@ -373,6 +374,14 @@ def test_elements_of_arrays_that_differ_in_size() -> None:
     text = f"{rows} experiment e of Grid(row[%s].car[2].k = 2) {{ stop = 1 [s]; }}"
     assert model(text % "2..3").nodes
     assert codes(text % "1") == ["E801"]
+
+
+def test_groups_of_agents_that_are_coupled_differently() -> None:
+    chain = """agent Road() { agent car[i in 1..4] = Lag() [u := if i == 1 then 1 else car[i - 1].x]; }
+        experiment e of Road() { stop = 1 [s]; group car[%s] { rtol = 1e-3; } }"""
+    for index in ("1", "2", "1..4"):
+        assert len(model(chain % index).groups) == 2
+    assert codes(chain % "0..2") == ["E801"]
 
 
 def test_subscripts_of_an_experiment_are_computed() -> None:
