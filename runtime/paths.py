@@ -32,6 +32,10 @@ class PathError(LookupError):
     """A name that means nothing; the message says why, and what is near."""
 
 
+class NoShape(PathError):
+    """A name of elements in arrays that differ in size, or whose values differ in shape."""
+
+
 @dataclass(frozen=True)
 class Named:
     """Everything of one name: `car[].x` of all cars, though several entries of the table make it.
@@ -96,10 +100,15 @@ class Selection:
 
 
 class Catalogue:
-    """The names of one table. `missing` is how a message about a name that is not there begins, `unknown variable`."""
+    """The names of one table. `missing` is how a message about a name that is not there begins, `unknown variable`.
 
-    def __init__(self, missing: str, entries: Sequence[Entry]) -> None:
-        self.missing, self._entries = missing, entries
+    `shapes`: those of the entries, where a name may only mean elements of one shape.
+    """
+
+    def __init__(
+        self, missing: str, entries: Sequence[Entry], shapes: Sequence[tuple[int, ...]] | None = None
+    ) -> None:
+        self.missing, self._entries, self._shapes = missing, entries, shapes
         self._places: dict[str, list[int]] = {}
         for k, entry in enumerate(entries):
             self._places.setdefault(entry[0].replace("[]", ""), []).append(k)
@@ -153,7 +162,38 @@ class Catalogue:
         asked = ".".join(
             _step(step, text, own) for (step, text), own in zip(steps, named.path.split("."), strict=True)
         )
-        return _select(named, asked, wanted, subscripts)
+        selection = _select(named, asked, wanted, subscripts)
+        entries = np.unique(named.entry[selection.chosen]).tolist()
+        if self._shapes is not None and len({self._shapes[k] for k in entries}) > 1:
+            raise NoShape(f"`{asked}` has no shape: its elements differ in it; give more indices")
+        return selection
+
+    def regular(self, name: str) -> list[str]:
+        """The name, or where its arrays differ in size, names with more indices that have a shape. Raises PathError."""
+        try:
+            self.find(name)
+        except NoShape:
+            return [name for part in self._parts(name) for name in self.regular(part)]
+        return [name]
+
+    def _parts(self, name: str) -> list[str]:
+        """A name with each of the indices that it leaves open in the outermost array where it leaves any."""
+        steps = _steps(name)
+        texts = [f"{step}[{text}]" if text else step for step, text in steps]
+        named = self.named(".".join(step for step, _ in steps))
+        chosen, level = np.arange(named.count), 0
+        for place, own in enumerate(named.path.split(".")):
+            if not own.endswith("[]"):
+                continue
+            step, text = steps[place]
+            column = named.indices[chosen, level]
+            low, high = _subscripts(text, name)[0] if text else (column.min(), column.max())
+            chosen = chosen[(column >= low) & (column <= high)]
+            if low < high:
+                found = np.unique(named.indices[chosen, level]).tolist()
+                return [".".join((*texts[:place], f"{step}[{i}]", *texts[place + 1 :])) for i in found]
+            level += 1
+        raise ValueError(f"`{name}` leaves no index open")
 
     def below(self, name: str) -> list[str]:
         """The names, with the indices that `name` gives, of everything within an agent: of `car[3]`, `car[3].x` and so on. Raises PathError."""
@@ -217,7 +257,7 @@ def _select(
         if range_ is None or range_[0] < range_[1]:
             shape.append(len(np.unique(named.indices[chosen, level])))
     if int(np.prod(shape)) != len(chosen):
-        raise PathError(f"`{asked}` has no shape: its arrays differ in size; give more indices")
+        raise NoShape(f"`{asked}` has no shape: its arrays differ in size; give more indices")
     return Selection(named, asked, chosen, tuple(shape), subscripts)
 
 

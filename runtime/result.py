@@ -181,24 +181,26 @@ class Result:
 
     @property
     def recorded(self) -> tuple[str, ...]:
-        """What files and plots show: the experiment's `record`, else every `write` variable."""
+        """What files and plots show: the experiment's `record`, else every `write` variable. All have a shape: where arrays differ in size, with indices."""
         chosen = self._run.plan.experiment.record
         if not chosen:
             return self._written(self._catalogue.plain)
         found: dict[str, None] = {}
         for name in chosen:
+            every = name.endswith(".*")
             found |= dict.fromkeys(
-                self._written(self._catalogue.below(name[:-2])) if name.endswith(".*") else [name]
+                self._written(self._catalogue.below(name[:-2])) if every else self._catalogue.regular(name)
             )
         return tuple(found)
 
     def _written(self, names: Iterable[str]) -> tuple[str, ...]:
         """Those that name `write` variables."""
-        return tuple(name for name in names if self._variable(self._catalogue.find(name)).access == "write")
+        regular = (part for name in names for part in self._catalogue.regular(name))
+        return tuple(name for name in regular if self._variable(self._catalogue.find(name)).access == "write")
 
     def _variable(self, selection: Selection) -> Variable:
         """What all elements of a selection have in common: one of their variables."""
-        return self._run.plan.variables[int(selection.named.entry[0])]
+        return self._run.plan.variables[int(selection.named.entry[selection.chosen[0]])]
 
     @property
     def units(self) -> dict[str, str | None]:

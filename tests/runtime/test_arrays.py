@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from running import METHODS, run
 from scipy.integrate import solve_ivp
 
+import hierc
 from hierc.runtime import kernel, simulation
 from hierc.runtime.contract import Plan
 from hierc.runtime.errors import SettingError
@@ -338,6 +339,35 @@ def test_records(record: tuple[str, ...], expected: list[str]) -> None:
     plan = platoon(6)
     chosen = replace(plan, experiment=replace(plan.experiment, record=record))
     assert list(a_model(chosen).simulate(stop=1.0, interval=0.5).columns()) == expected
+
+
+SIZES = """
+agent Tip(int n) { write real[n] q = [k for k in 1..n]; diff { q' = zeros(n); } }
+agent Row(int n) { agent tip[j in 1..n] = Tip(n = 2); write real sum; alge { sum = 1; } }
+agent Grid() { agent row[i in 1..2] = Row(n = i); agent tip[i in 1..2] = Tip(n = i); }
+"""
+
+
+@pytest.mark.parametrize(
+    ("record", "expected"),
+    [
+        ("", ["row.sum", "row[1].tip.q", "row[2].tip.q", "tip[1].q", "tip[2].q"]),
+        ("record row.tip.q;", ["row[1].tip.q", "row[2].tip.q"]),
+        ("record row.*;", ["row.sum", "row[1].tip.q", "row[2].tip.q"]),
+        ("record row[1..2].tip[1].q, tip.*;", ["row[1..2].tip[1].q", "tip[1].q", "tip[2].q"]),
+        ("record row[2].tip.q;", ["row[2].tip.q"]),
+    ],
+)
+def test_records_of_arrays_that_differ_in_size_or_shape(record: str, expected: list[str]) -> None:
+    r = hierc.load(
+        f"{SIZES} experiment e of Grid() {{ stop = 1 [s]; interval = 1 [s]; {record} }}"
+    ).simulate()
+    assert list(r.recorded) == expected
+    assert all(r[name].size for name in r.recorded)
+    assert r["row[2].tip[2].q"].tolist() == [[1, 2], [1, 2]]
+    for name in ("row.tip.q", "tip.q"):
+        with pytest.raises(KeyError, match=r"has no shape: .*give more indices"):
+            _ = r[name]
 
 
 def test_panels_by_array(result: Result) -> None:
