@@ -191,7 +191,10 @@ class InstanceScope:
         numbers = [index for row in rows if isinstance(index := indices[row], int)]
         if len(numbers) < len(rows):
             return None  # every element has its own
-        slots = np.array([self._slots(array, index, chosen)[0] % array.size for index in numbers])
+        slots = np.array(numbers) - array.first
+        outside = (slots < 0) | (slots >= array.size)
+        if outside.any():
+            self._slots(array, numbers[int(np.argmax(outside))], chosen)  # refuses it
         around = np.arange(self.instance.domain.count)[:, None] * array.size + slots
         tables = self._tables(array, name)
         joined = np.concatenate([tables[k][around] for k in scalars], axis=1)
