@@ -19,9 +19,7 @@ from hierc.runtime.machine.types import (
     I64,
     Emitted,
     Float,
-    Int,
     LaneConstant,
-    Pointer,
     Value,
     llvm_type,
 )
@@ -153,7 +151,7 @@ class TableCode:
                 table.append(self.places[i, pivot])
                 for j in right:
                     table += [self.places[pivot, j], self.places[i, j]]
-        return self.unit.dialect(factor_by_table, self.lanes, self.names), self._constant(
+        return self.unit.dialect(factor_by_table, self.lanes, self.names), self.unit.table(
             "factor_table", table
         )
 
@@ -169,13 +167,4 @@ class TableCode:
             for j in right:
                 table += [self.places[pivot, j], j]
         made = self.unit.dialect(solve_real_by_table if real else solve_by_table, width, self.names)
-        return made, self._constant("solve_table", table)
-
-    def _constant(self, name: str, numbers: list[int]) -> Value:
-        kind = ir.ArrayType(I64, len(numbers))
-        made = ir.GlobalVariable(self.unit.module, kind, self.unit.module.get_unique_name(name))
-        made.global_constant = True
-        made.linkage = "internal"
-        made.initializer = ir.Constant(kind, numbers)
-        made.type = ir.PointerType()
-        return Value(made, Pointer(Int()))
+        return made, self.unit.table("solve_table", table)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hierc.runtime.contract import Class, Plan
 from hierc.runtime.elements import Block, Elements, Family, expand, order_parts, part_of
-from hierc.runtime.machine.compose import CallForm, Form, Where
+from hierc.runtime.machine.calls import CallForm, Form, Where
 
 Integers = NDArray[np.int64]
 

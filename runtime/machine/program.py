@@ -21,7 +21,8 @@ from hierc.runtime.files import cache_folder, write_whole
 from hierc.runtime.kernel import advance
 from hierc.runtime.machine import callees
 from hierc.runtime.machine.allowed import check_class
-from hierc.runtime.machine.compose import Composer, Form
+from hierc.runtime.machine.calls import Form
+from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.unit import Loaded, Unit, compile_object, machine_key, parse_function
 from hierc.runtime.methods.catalogue import METHODS
 from hierc.runtime.methods.method import Method

@@ -10,7 +10,7 @@ import ast
 import functools
 import inspect
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, get_type_hints
 
 import llvmlite
@@ -22,11 +22,15 @@ from hierc.runtime.machine.lower import Lowering
 from hierc.runtime.machine.translate import Translation
 from hierc.runtime.machine.types import (
     DOUBLE,
+    I64,
     Emitted,
     Float,
+    Int,
     PerLane,
+    Pointer,
     Type,
     UnsupportedCode,
+    Value,
     from_annotation,
     llvm_type,
 )
@@ -47,6 +51,8 @@ class Unit:
         self.made: dict[Any, tuple[ir.Function, tuple[Type, ...], Type | None]] = {}
         #: What functions of a generated module may call by name, beside `math`.
         self.callees: dict[str, PerLane] = {}
+        #: Functions of generated modules, with their text, which is known by its identity and must therefore live.
+        self._modelled: dict[Any, tuple[ast.FunctionDef, ir.Function]] = {}
         self._held: list[
             Names
         ] = []  # functions are known by the identity of their constants, which must therefore live
@@ -98,12 +104,16 @@ class Unit:
         self, definition: ast.FunctionDef, types: Mapping[str, Type], lanes: int
     ) -> ir.Function:
         """Lower one function of a generated module, inlined wherever it is used: no contraction, no other names than `math` and `callees`."""
+        key = (id(definition), tuple(types.items()), lanes)
+        if key in self._modelled:
+            return self._modelled[key][1]
         name = self.module.get_unique_name(definition.name)
         made = ir.Function(
             self.module, ir.FunctionType(ir.VoidType(), [llvm_type(k) for k in types.values()]), name
         )
         made.linkage = "internal"
         _mark(made, inline=True, pure=False)
+        self._modelled[key] = (definition, made)
 
         def resolve(callee: Callable[..., Any]) -> tuple[ir.Function, tuple[Type, ...], Type | None]:
             return self._dialect(callee, lanes, NO_NAMES)
@@ -128,6 +138,16 @@ class Unit:
 
         Lowering(made, kinds, Float(), names, 1, resolve, contract=False).run(translation.definition.body)
         return Emitted(made, tuple(kinds.values()), Float())
+
+    def table(self, name: str, numbers: Sequence[int]) -> Value:
+        """A constant array of integers."""
+        kind = ir.ArrayType(I64, len(numbers))
+        made = ir.GlobalVariable(self.module, kind, self.module.get_unique_name(name))
+        made.global_constant = True
+        made.linkage = "internal"
+        made.initializer = ir.Constant(kind, numbers)
+        made.type = ir.PointerType()
+        return Value(made, Pointer(Int()))
 
     def text(self) -> str:
         """The module as LLVM text."""

@@ -65,7 +65,13 @@ if TYPE_CHECKING:  # given by Radau.names
     ) -> None: ...
     def publish(t: Lanes, x: Array[Lanes], u: Array[Lanes], p: Array[float], y: Array[Lanes]) -> None: ...
     def factor(
-        t: float, h: float, x: Array[Lanes], u: Array[Lanes], p: Array[float], factors: Array[Lanes]
+        t: float,
+        h: float,
+        x: Array[Lanes],
+        u: Array[Lanes],
+        p: Array[float],
+        v: Array[Lanes],
+        factors: Array[Lanes],
     ) -> None: ...
     def solve(b: Array[Lanes], factors: Array[Lanes]) -> None: ...
     def solve_lanes(b: Array[Lanes], factors: Array[Lanes]) -> None: ...
@@ -112,7 +118,7 @@ def refresh(g: Group) -> float:
     z = at(g.work, Z)
     for i in range(N):
         y[i] = g.x[i] + z[i]
-    factor(g.t + g.trial * MIDDLE, g.trial, y, g.u, g.p, at(g.work, FACTORS))
+    factor(g.t + g.trial * MIDDLE, g.trial, y, g.u, g.p, at(g.work, V), at(g.work, FACTORS))
     return 0.0
 
 

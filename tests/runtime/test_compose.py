@@ -11,7 +11,7 @@ from machine_code import Floats, exported, room
 from small_models import ARM, DECAY, MIXER, OSCILLATOR, At, a_class, a_plan
 
 from hierc.runtime.contract import Plan
-from hierc.runtime.machine import compose
+from hierc.runtime.machine import body
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.forms import Wiring, wire
 from hierc.runtime.machine.unit import Unit, parse_function
@@ -151,8 +151,11 @@ def test_newton_matrix(plan: Plan, g: int, tables) -> None:
     factor, solve = group.composer(), group.composer()
     factors = room(factor.factor_size // lanes + 1, lanes)
     u = group.inputs(np.full(lanes, t[middle]), x)
+    fixed = group.composer()
+    v = room(fixed.saved, lanes)
+    exported(fixed.unit, fixed.rhs_fixed)(np.full(lanes, t[middle]), u, group.values, v)
     exported(factor.unit, factor.factor(tables.eigenvalues, middle))(
-        t[middle : middle + 1], np.array([h]), group.states(x), u, group.values, factors
+        t[middle : middle + 1], np.array([h]), group.states(x), u, group.values, v, factors
     )
     b = room(group.n, lanes)
     b[:] = RNG.normal(size=b.shape)
@@ -243,8 +246,8 @@ def test_a_large_group_is_called_and_computes_the_same(monkeypatch: pytest.Monke
     t, x = some_states(group)
     u, p = group.inputs(t, x), group.values
     results = []
-    for limit in (compose.INLINED, 0):
-        monkeypatch.setattr(compose, "INLINED", limit)
+    for limit in (body.INLINED, 0):
+        monkeypatch.setattr(body, "INLINED", limit)
         fixed, rest = group.composer(), group.composer()
         assert ("noinline" in rest.rhs.function.attributes) == (limit == 0)
         v, dx = room(fixed.saved, 8), room(group.n, 8)

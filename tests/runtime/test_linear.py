@@ -8,7 +8,8 @@ from machine_code import Floats, exported, room
 from small_models import a_class
 
 from hierc.runtime.contract import Class
-from hierc.runtime.machine.compose import CallForm, Composer, Form
+from hierc.runtime.machine.calls import CallForm, Form
+from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.linear import eliminate
 from hierc.runtime.machine.unit import Unit, parse_function
 from hierc.runtime.methods.radau_tables import RADAU5, RADAU9, RADAU13, Tables
@@ -50,7 +51,9 @@ class Newton:
 
     def factor(self, h: float, values: Floats) -> None:
         x = room(self.n, self.lanes)
-        self.pieces["factor"](np.zeros(1), np.array([h]), x, room(1, self.lanes), values, self.factors)
+        self.pieces["factor"](
+            np.zeros(1), np.array([h]), x, room(1, self.lanes), values, room(1, self.lanes), self.factors
+        )
 
     def solve(self, b: Floats) -> Floats:
         self.pieces["solve"](b, self.factors)

@@ -14,7 +14,8 @@ from running import METHODS as NAMES
 from small_models import ARM, OSCILLATOR, VAN_DER_POL, At, a_model
 
 from hierc.runtime import kernel, records
-from hierc.runtime.machine.compose import CallForm, Composer
+from hierc.runtime.machine.calls import CallForm
+from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array
 from hierc.runtime.machine.types import Emitted, LaneConstant, LaneTable
 from hierc.runtime.machine.unit import Unit, parse_function
@@ -80,7 +81,7 @@ class Equations:
                 if out in part.outs:
                     y[k] = results[out]
 
-    def factor(self, t: float, h: float, x: Floats, u: Floats, p: Floats, factors: Floats) -> None:
+    def factor(self, t: float, h: float, x: Floats, u: Floats, p: Floats, v: Floats, factors: Floats) -> None:
         middle = slice(self.middle, self.middle + 1)
         values = self._apply(
             self.kind.jac, len(self.kind.pattern), np.array([t]), x[:, middle], u[:, middle], p
