@@ -261,7 +261,7 @@ class _Resolver:
         self._env = env
         self._nodes = nodes
         self._groups = groups
-        self._variables = {v.path: v for v in variables}
+        self._variables = variables
         self._problems = problems
         self.settings: dict[str, Any] = {}
         self.groups: dict[str, dict[str, Any]] = {}

@@ -360,8 +360,10 @@ class _Flattener:
             values = list(self._start(name, variable.declarator.initial, shape, own))
         for gift in gifts:
             path = gift.path
-            part, places = elements(path.steps[-1].subs, path.text, shape, path, outside)
             mask = elements_of(gift.elements, instance.domain, outside)
+            if not mask.any():
+                continue
+            part, places = elements(path.steps[-1].subs, path.text, shape, path, outside)
             start = self._start(name, gift.value, part, outside)
             for place, value in zip(places, start, strict=True):
                 before = values[place]

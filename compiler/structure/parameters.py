@@ -233,11 +233,13 @@ class ParameterBuilder:
         if not any(gift.whole for gift in gifts):
             value = self._written(instance, param, shape, own)
         for gift in gifts:
-            given = self._typed(gift.value, self._file, param, shape)
             mask = elements_of(gift.elements, instance.domain, self._file)
+            if not mask.any():
+                continue
+            given = self._typed(gift.value, self._file, param, shape)
             if value is None or mask.all():
                 value = given
-            elif mask.any():
+            else:
                 if param.name.text in self._structural[instance.agent.name]:
                     path = plain(instance.named(param.name.text))
                     raise Rejected(StructuralElement(gift.path.span, name=param.name.text, path=path))

@@ -6,7 +6,7 @@ meant raises Rejected.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,8 +101,8 @@ def group_named(path: tree.Path, groups: Sequence[Group], nodes: Sequence[Node],
     known = {plain_path(group.name): group for group in groups}
     if plain in known:
         name = known[plain].name
-        parts = [_columns(group.indices, group.count) for group in groups if group.name == name]
-        return _with_indices(name, [np.concatenate(own) for own in zip(*parts, strict=True)], path.steps, env)
+        columns = _columns([(group.indices, group.count) for group in groups if group.name == name])
+        return _with_indices(name, columns, path.steps, env)[0]
     blocks = Elements(node.first for node in nodes)
     found = tuple(
         name
@@ -142,42 +142,52 @@ def elements(
     return selected(name, type_text("real", shape), shape, subs, node, env)
 
 
-def recorded(pattern: tree.Pattern, variables: Mapping[str, Variable], env: Environment) -> list[str]:
-    """The names for results that a pattern of `record` matches, elements by their subscripts. Raises Rejected (E904, E303)."""
+def recorded(pattern: tree.Pattern, variables: Sequence[Variable], env: Environment) -> list[str]:
+    """The names for results that a pattern of `record` matches, elements by their subscripts. Raises Rejected (E904, E303, E801)."""
     steps = pattern.path.steps
-    agents = steps if pattern.star else steps[:-1]
     path = pattern.path.text
-    by_name = {plain_path(name): variable for name, variable in variables.items()}
+    by_name: dict[str, list[Variable]] = {}
+    for variable in variables:
+        by_name.setdefault(plain_path(variable.path), []).append(variable)
     if pattern.star:
-        found = [v for name, v in by_name.items() if name.startswith(f"{path}.") and v.access == "write"]
+        written = [name for name, (first, *_) in by_name.items() if first.access == "write"]
+        found = [name for name in written if name.startswith(f"{path}.")]
         if not found:
-            written = [name for name, v in by_name.items() if v.access == "write"]
             owners = dict.fromkeys(name.rpartition(".")[0] for name in written)
             raise Rejected(_no_match(pattern, [f"{owner}.*" for owner in owners if owner]))
-        return [_named(v, agents, env) for v in found]
-    variable = by_name.get(path)
-    if variable is None:
+        return [_recorded(by_name[name], steps, env)[0] for name in found]
+    if path not in by_name:
         raise Rejected(_no_match(pattern, list(by_name)))
-    name = _named(variable, agents, env)
+    name, chosen = _recorded(by_name[path], steps[:-1], env)
     if not steps[-1].subs:
         return [name]
-    _, places = elements(steps[-1].subs, path, variable.shape, pattern.path, env)
-    names = element_names(name, variable.shape)
+    # Where they differ in shape, all must have the elements that are named.
+    places = [elements(steps[-1].subs, path, v.shape, pattern.path, env)[1] for v in chosen][0]
+    names = element_names(name, chosen[0].shape)
     return [names[place] for place in places]
 
 
-def _named(variable: Variable, steps: Sequence[tree.Step], env: Environment) -> str:
-    return _with_indices(variable.path, _columns(variable.indices, variable.count), steps, env)
+def _recorded(
+    variables: Sequence[Variable], steps: Sequence[tree.Step], env: Environment
+) -> tuple[str, list[Variable]]:
+    """The name of what steps choose from all variables of one path, and those of them that have it."""
+    columns = _columns([(v.indices, v.count) for v in variables])
+    name, mask = _with_indices(variables[0].path, columns, steps, env)
+    parts = np.split(mask, np.cumsum([v.count for v in variables])[:-1])
+    return name, [v for v, part in zip(variables, parts, strict=True) if part.any()]
 
 
-def _columns(indices: Sequence[Index], count: int) -> list[Integers]:
-    return [expanded(own, count) for own in indices]
+def _columns(parts: Sequence[tuple[Sequence[Index], int]]) -> list[Integers]:
+    """The indices of all elements, for each array; given those of some with their counts."""
+    columns = [[expanded(own, count) for own in indices] for indices, count in parts]
+    return [np.concatenate(own) for own in zip(*columns, strict=True)]
 
 
 def _with_indices(
     path: str, indices: Sequence[Integers], steps: Sequence[tree.Step], env: Environment
-) -> str:
-    """The name of some elements of arrays, from a path such as `car[].x`, the elements' indices for each `[]`, and the steps that choose some.
+) -> tuple[str, NDArray[np.bool_]]:
+    """The name of some elements of arrays, from a path such as `car[].x`, the elements' indices for each `[]`, and the steps that choose some; and which
+    they are.
 
     `car[2..5].x`; `car.x` is all of them. Raises Rejected (E801, E805, E806).
     """
@@ -188,9 +198,10 @@ def _with_indices(
         if step.subs and place not in arrays:
             raise Rejected(NotAnArray(step.span, name=step.name.text, arrays=()))
     chosen = [steps[place] if place < len(steps) and steps[place].subs else None for place in arrays]
-    for place, numbers in zip(arrays, _numbers(chosen, indices, env), strict=True):
+    found, mask = _numbers(chosen, indices, env)
+    for place, numbers in zip(arrays, found, strict=True):
         shown[place] += f"[{'..'.join(map(str, numbers))}]" if numbers else ""
-    return ".".join(shown)
+    return ".".join(shown), mask
 
 
 def check_gift(gift: Gift, blocks: Sequence[Instance], env: Environment) -> None:
@@ -205,8 +216,8 @@ def check_gift(gift: Gift, blocks: Sequence[Instance], env: Environment) -> None
 
 def _numbers(
     steps: Sequence[tree.Step | None], indices: Sequence[Integers], env: Environment
-) -> list[tuple[int, ...]]:
-    """The subscripts of arrays, one inside the other, as numbers: an index, the ends of a range, or none where there is no step.
+) -> tuple[list[tuple[int, ...]], NDArray[np.bool_]]:
+    """The subscripts of arrays, one inside the other, as numbers: an index, the ends of a range, or none where there is no step; and what they choose.
 
     `indices`: those of all elements, for each array. Raises Rejected (E801) where those chosen so far have no such index, or E805.
     """
@@ -228,7 +239,7 @@ def _numbers(
             raise Rejected(EmptyArray(step.span, name=step.name.text, first=numbers[0], last=numbers[-1]))
         chosen &= (own >= numbers[0]) & (own <= numbers[-1])
         found.append(numbers)
-    return found
+    return found, chosen
 
 
 def _outside(step: tree.Step, index: int, first: int, last: int) -> OutOfArray:

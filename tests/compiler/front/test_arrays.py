@@ -384,6 +384,27 @@ def test_groups_of_agents_that_are_coupled_differently() -> None:
     assert codes(chain % "0..2") == ["E801"]
 
 
+@pytest.mark.parametrize(
+    ("items", "record", "code"),
+    [
+        ("record tip[1].q, tip[3].q[3];", ("tip[1].q", "tip[3].q[3]"), None),
+        ("record tip[2..3].q[1..2];", ("tip[2..3].q[1]", "tip[2..3].q[2]"), None),
+        ("record tip.q[1], tip[1..2].*;", ("tip.q[1]", "tip[1..2].q"), None),
+        ("record tip.q[2];", (), "E303"),
+        ("init { tip[3].q = [4, 5, 6]; tip[2..3].q[2] = 1; }", (), None),
+        ("init { tip[2].q = [4, 5, 6]; }", (), "E302"),
+    ],
+)
+def test_elements_that_differ_in_shape(items: str, record: tuple[str, ...], code: str | None) -> None:
+    text = f"""agent Tip(int n) {{ write real[n] q = zeros(n); diff {{ q' = -q; }} }}
+        agent Road() {{ agent tip[i in 1..3] = Tip(n = i); }}
+        experiment e of Road() {{ stop = 1 [s]; {items} }}"""
+    if code is None:
+        assert model(text).experiment.record == record
+    else:
+        assert codes(text) == [code]
+
+
 def test_subscripts_of_an_experiment_are_computed() -> None:
     items = "stop = 1 [s]; group car[last] { rtol = 1e-3; } group car[2..last] { atol = 1e-3; } record car[last - 1].x;"
     made = model(f"const int last = 4; {ROAD} experiment e of Road() {{ {items} }}")
