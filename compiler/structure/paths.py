@@ -162,7 +162,7 @@ def recorded(pattern: tree.Pattern, variables: Sequence[Variable], env: Environm
     if not steps[-1].subs:
         return [name]
     # Where they differ in shape, all must have the elements that are named.
-    places = [elements(steps[-1].subs, path, v.shape, pattern.path, env)[1] for v in chosen][0]
+    places, *_ = [elements(steps[-1].subs, path, v.shape, pattern.path, env)[1] for v in chosen]
     names = element_names(name, chosen[0].shape)
     return [names[place] for place in places]
 

@@ -15,6 +15,7 @@ from hierc.compiler.diagram import diagram
 from hierc.compiler.driver import compile_source, model_of
 from hierc.compiler.model import Settings
 from hierc.compiler.shapes.functions import BUILT_IN_FUNCTIONS
+from hierc.compiler.structure.elaboration import MAX_ELEMENTS, MAX_PATTERNS
 from hierc.explain import message_of, problems_of
 from hierc.graph import to_text
 from hierc.loader import placed, run_module
@@ -158,3 +159,40 @@ def test_the_sled_is_compiled_in(folder: Path, monkeypatch: pytest.MonkeyPatch) 
     (extern,) = model.plan.externs
     assert not isinstance(extern.translation, str)
     assert model.rhs(0.0, [1.0])[0] == pytest.approx(-(4 * np.tanh(36.0) + 0.3 * 3.6**2) / 5, rel=1e-14)
+
+
+def test_arrays_give_the_shapes_that_are_said() -> None:
+    road, swarm, cell = (b.text for b in MODELS if b.heading == "Arrays of agents")
+    r = hierc.load(road).simulate(stop=1.0, params={"car[2..3].T": [0.1, 0.2], "car.T": 0.5})
+    assert [r[name].shape[1:] for name in ("car.x", "car[2..5].x", "car[3].x", "first")] == [
+        (6,),
+        (4,),
+        (),
+        (3,),
+    ]
+    assert r["car.v"][0].tolist() == [0, 0, 0, 1, 1, 0]
+    assert "car[3].v" in r.columns()
+    assert r["mean"] == pytest.approx(r["car.v"].mean(axis=1), rel=1e-12)
+    assert r["closest"] == pytest.approx(r["car[2..6].gap"].min(axis=1), rel=1e-12)
+    r = hierc.load(swarm).simulate(stop=1.0)
+    assert r["robot.p"].shape[1:] == (7, 2)
+    assert r["robot.p"][0, :4].tolist() == [[6, 1], [5, 0], [7, 0], [4, -1]]
+    r = hierc.load(cell).simulate(stop=1.0)
+    assert r["arm[2].link.y"].shape[1:] == (3,)
+    with pytest.raises(KeyError, match="has no shape"):
+        _ = r["arm.link.y"]
+
+
+def test_sums_over_as_many_as_the_index_says() -> None:
+    text = """agent A(real x0) { read real u; write real x = x0; diff { x' = u; } }
+        agent B() { agent a[i in 1..4] = A(x0 = i) [u := sum(a[1..i-1].x)]; }"""
+    model = hierc.load(text)
+    rates = dict(zip(model.states, model.rhs(0.0, model.initial()), strict=True))
+    assert [rates[f"a[{i}].x"] for i in range(1, 5)] == [0, 1, 3, 6]
+    with pytest.raises(hierc.ModelError, match=r"E8|E3"):
+        hierc.load(text.replace("sum(a[1..i-1].x)", "norm(a[1..i-1].x)"))
+
+
+def test_the_limits_of_arrays_are_those_of_the_compiler() -> None:
+    said = f"There may be {MAX_PATTERNS:,} kinds in an array, and {MAX_ELEMENTS:,} agents."
+    assert said in section("Arrays of agents")
