@@ -1,8 +1,8 @@
 """The gallery's models once more, written by hand from their physics, with numpy and scipy and nothing of ours.
 
-Each function gives the derivatives of all states by the names of the variables; an array of agents has a row for each. None is a copy of the model's
-formulas: places and velocities in the plane are complex numbers, arms go by Newton's and Euler's laws from link to link, bodies turn by rotation
-matrices.
+Each function gives the derivatives of all states by the names of the variables; an array of agents has a row for each. `start` gives their
+initial values. None is a copy of the model's formulas: places and velocities in the plane are complex numbers, arms go by Newton's and
+Euler's laws from link to link, bodies turn by rotation matrices.
 """
 
 from __future__ import annotations
@@ -324,3 +324,27 @@ MODELS: dict[str, Callable[[float, States], Derivatives]] = {
     "snake": snake,
     "swarm": swarm,
 }
+
+
+def start(name: str, n: int) -> Derivatives:
+    """Initial values that are not 0, for n agents or links."""
+    k = np.arange(1, n + 1)
+    scattered = 2 * np.sqrt(k) * np.exp(2.4j * k)
+    scattered_xy = np.column_stack([scattered.real, scattered.imag])
+    hanging = np.where(k == 1, -np.pi / 2, 0) - 0.5 * np.sin(0.6 * k)
+    swinging = 0.5 * 1.5 * np.cos(0.6 * k)
+    hover = np.full(4, np.sqrt(M * G / 4 / KF))
+    found: dict[str, Derivatives] = {
+        "arm": {"plan.p": [0.9, 0.3], "ik.q": [0.3, 1.2], "arm.q": [0.3, 1.2]},
+        "cart": {
+            "kin.x": -0.5, "kin.y": -0.3, "kin.th": 0.4, "cart.x": -0.6, "cart.y": -0.4, "cart.th": 0.3,
+            "tail.x": -1.8, "tail.y": -0.9, "tail.th": 0.2,
+        },
+        "links": {"plan.q": hanging, "plan.qd": swinging, "arm.q": hanging, "arm.qd": swinging},
+        "platoon": {"car.x": -10.0 * k},
+        "quadrotor": {"first.p": [0, 0, 2], "second.p": [-2, -1, 2], "first.rotor": hover, "second.rotor": hover},
+        "swarm": {
+            "lead.p": [20, 0], "lead.v": [0, 3], "robot.p": scattered_xy, "ground.seen": scattered_xy.mean(axis=0),
+        },
+    }  # fmt: skip
+    return found.get(name, {})

@@ -61,6 +61,20 @@ def test_every_model_is_listed() -> None:
     assert rows == list(FILES)
 
 
+#: Agents or links where nothing else is said.
+COUNTS = {"links": 5, "platoon": 10, "swarm": 63}
+
+
+@pytest.mark.parametrize(("name", "params"), SIZES, ids=str)
+def test_runs_start_where_they_should(name: str, params: dict[str, int]) -> None:
+    model = load(name, **params)
+    found = Layout.of(model.states).split(model.initial())
+    expected = byhand.start(name, next(iter(params.values()), COUNTS.get(name, 1)))
+    assert expected.keys() <= found.keys()
+    for q, values in found.items():
+        assert values == pytest.approx(np.broadcast_to(expected.get(q, 0), values.shape), rel=1e-14), q
+
+
 @pytest.mark.parametrize(("name", "params"), SIZES, ids=str)
 def test_right_hand_sides_are_those_written_by_hand(name: str, params: dict[str, int]) -> None:
     model = load(name, **params)
