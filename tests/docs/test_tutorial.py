@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import doctest
 import re
-import shlex
-from contextlib import redirect_stderr, redirect_stdout
-from io import BytesIO, TextIOWrapper
 from pathlib import Path
 
 import pytest
+from commands import is_shown, printed_by
 from documents import DOCS, Block, accept, blocks, where
 
-from hierc.cli import main
 from hierc.explain import message_of, problems_of
 
 DOCUMENT = DOCS / "tutorial.md"
@@ -20,13 +17,6 @@ BLOCKS = blocks(DOCUMENT)
 MODELS = [block for block in BLOCKS if block.kind == "hier"]
 FAILING = [i for i, block in enumerate(BLOCKS) if block.kind == "hier-error"]
 COMMANDS = [block for block in BLOCKS if block.kind == "console"]
-
-#: A row of statistics: its counters and step sizes may differ a little between machines.
-STATISTICS = re.compile(r"^  \S+ +(?:radau|dop|tsit)\d+ .*$")
-NUMBER = re.compile(r"(?<![\w.\[])\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.\]])")
-DURATION = re.compile(r"simulated in \S+ \S+ after \S+ \S+ of preparation")
-#: What only the first run on a machine says.
-FIRST = re.compile(r"^compiling .*\n", re.MULTILINE)
 
 
 @pytest.fixture
@@ -72,48 +62,13 @@ def test_messages_are_what_hierc_prints(place: int, request: pytest.FixtureReque
 
 @pytest.mark.parametrize("block", COMMANDS, ids=where)
 def test_commands_print_what_is_shown(block: Block, folder: Path, request: pytest.FixtureRequest) -> None:
-    commands = [line.removeprefix("$ ") for line in block.text.splitlines() if line.startswith("$ ")]
-    printed = "".join(f"$ {command}\n{output_of(command)}" for command in commands)
+    printed = printed_by(block)
     if is_shown(block.text, printed):
         return
     if request.config.getoption("--accept"):
         accept(DOCUMENT, block, printed)
     else:
         assert block.text == printed
-
-
-def output_of(command: str) -> str:
-    """What a command prints on the screen, but for what only the first run says."""
-    program, *arguments = shlex.split(command)
-    assert program == "hierc"
-    screen = TextIOWrapper(BytesIO(), encoding="utf-8", newline="\n", write_through=True)
-    with redirect_stdout(screen), redirect_stderr(screen):
-        main(arguments)
-    screen.seek(0)
-    return FIRST.sub("", screen.read())
-
-
-def is_shown(shown: str, printed: str) -> bool:
-    """Whether lines are alike; a line `…` stands for any number of lines."""
-    shown, printed = (DURATION.sub("simulated", text) for text in (shown, printed))
-    lines = printed.splitlines()
-    for number, part in enumerate(re.split(r"^…\n", shown, flags=re.MULTILINE)):
-        wanted = part.splitlines()
-        starts = range(len(lines) - len(wanted) + 1) if number else range(1)
-        start = next((s for s in starts if all(map(alike, wanted, lines[s:]))), None)
-        if start is None or len(lines) < len(wanted):
-            return False
-        lines = lines[start + len(wanted) :]
-    return not lines or shown.endswith("…\n")
-
-
-def alike(shown: str, printed: str) -> bool:
-    """Whether two lines are equal; in rows of statistics, numbers may differ by a third."""
-    if not STATISTICS.match(shown):
-        return shown == printed
-    words = [NUMBER.sub("#", " ".join(line.split())) for line in (shown, printed)]
-    pairs = zip(NUMBER.findall(shown), NUMBER.findall(printed), strict=False)
-    return words[0] == words[1] and all(float(a) == pytest.approx(float(b), rel=0.33) for a, b in pairs)
 
 
 @pytest.mark.parametrize(
