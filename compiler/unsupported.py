@@ -22,28 +22,40 @@ class NotSupported(Problem):
 class Modes(NotSupported):
     code = "E001"
     construct = "modes are"
-    explanation = "A model is compiled only if all of it can be run as written. Modes are part of the language but not of this version."
+    explanation = (
+        "A model is compiled only if all of it can be run as written. Modes are part of the language but not of this version. What depends on time, "
+        "parameters or indices can be chosen with `if … then … else …`; a contact can be a stiff spring."
+    )
 
 
 @dataclass(frozen=True)
 class Transitions(NotSupported):
     code = "E002"
     construct = "transitions (`trans`) are"
-    explanation = "Guards, resets and changes of mode are part of the language but not of this version."
+    explanation = (
+        "Guards, resets and changes of mode are part of the language but not of this version. A contact can be a stiff spring and damper, which the "
+        "implicit methods integrate well: `force = if depth > 0 then k*depth else 0`."
+    )
 
 
 @dataclass(frozen=True)
 class Sampling(NotSupported):
     code = "E003"
     construct = "`sample` blocks are"
-    explanation = "Sampled behaviour is part of the language but not of this version."
+    explanation = (
+        "Sampled behaviour is part of the language but not of this version. Write the controller as a continuous one, in one level with its plant; "
+        "where the delay of sampling matters, `std.blocks.PadeDelay` approximates it."
+    )
 
 
 @dataclass(frozen=True)
 class DiscreteVariable(NotSupported):
     code = "E004"
     construct = "discrete variables are"
-    explanation = "Variables that change only at instants are part of the language but not of this version."
+    explanation = (
+        "Variables that change only at instants are part of the language but not of this version. What never changes during a run is a parameter "
+        "or a constant."
+    )
 
 
 @dataclass(frozen=True)
@@ -61,7 +73,7 @@ class Function(NotSupported):
     """A built-in function that needs what is not there yet."""
 
     code = "E011"
-    explanation = "This use of the function is part of the language but not of this version."
+    explanation = "This setting, or this use of a function, is part of the language but not of this version."
     use: str
 
     def title(self) -> str:

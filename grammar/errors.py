@@ -244,7 +244,8 @@ class AssignmentSign(Problem):
 class EquationSign(Problem):
     code = "E114"
     explanation = (
-        "`=` states what holds always; `:=` is done once or joins an input, so the two never look alike."
+        "`:=` gives a value where it stands: to an input in a coupling `[input := a.output]`, or once, in a `do` or `sample` block. `=` states what "
+        "holds always: equations, `let`, declarations, arguments and settings."
     )
 
     def title(self) -> str:

@@ -82,7 +82,7 @@ class TooManyPatterns(Problem):
 @dataclass(frozen=True)
 class EmptyArray(Problem):
     code = "E805"
-    explanation = "An array of agents has at least one element."
+    explanation = "An array of agents has at least one element, and so has what an experiment names of one."
     name: str
     first: int
     last: int

@@ -19,7 +19,9 @@ class BrokenCascade(Problem):
     code = "E601"
     explanation = (
         "Levels are written slowest first, and the order is a promise: none depends continuously on a later one. That is what lets every "
-        "level run at its own step size. Two subsystems that need each other continuously belong into one level."
+        "level run at its own step size. Two subsystems that need each other continuously, as a controller and its plant do, belong into one "
+        "level, above what only carries out what they ask for. A planner above them hands down a reference and its rate, `goal := plan.p, "
+        "goal_rate := plan.p'`, and need not know what becomes of it."
     )
     reader: str | None  # the agent that reads; None for a level with equations of its own
     reader_level: str
@@ -212,7 +214,8 @@ class LevelWithoutStates(Problem):
     code = "W611"
     severity: ClassVar[Literal["error", "warning"]] = "warning"
     explanation = (
-        "What has no state is no group: it is computed by the groups that read it, at their step sizes."
+        "What has no state is no group: it is computed by the groups that read it, at their step sizes, so it may as well be written in the first "
+        "level that reads it."
     )
     level: str
     reader: str | None
