@@ -130,7 +130,7 @@ def value(expression: str) -> float:
         ("-2^2", -4), ("2^-1", 0.5), ("2^3^2", 512), ("1/2", 0.5), ("div(7, 2)", 3), ("div(-7, 2)", -4), ("mod(-7, 2)", 1),
         ("mod(7, -2)", -1), ("mod(-0.5, 2)", 1.5), ("round(2.6)", 3), ("clamp(5, 0, 1)", 1), ("max([1, 7, 3])", 7),
         ("1 [min]", 60), ("90 [deg]", np.pi / 2), ("50 [%]", 0.5), ("if not 1 < 2 or 2 < 1 then 1 else 2", 2),
-        ("6/3*2", 4), ("5 - 2 - 1", 2), ("sum([1, 2] .* [3, 4])", 11), ("det([[1, 2], [3, 4]])", -2),
+        ("6/3*2", 4), ("5 - 2 - 1", 2), ("sum([1, 2] .* [3, 4])", 11), ("det([[1, 2], [3, 4]])", -2), ("sum([[i*j for j in 1..2] for i in 1..3])", 18),
     ],
 )  # fmt: skip
 def test_expressions_mean_what_the_tables_say(expression: str, expected: float) -> None:
