@@ -9,7 +9,6 @@ import os
 import stat
 from pathlib import Path
 
-from hierc.grammar.errors import UnreadableFile
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import SourceFile
 
@@ -65,4 +64,7 @@ def _reason(error: OSError) -> str:
 
 
 def _refused(name: str, reason: str, *help: str) -> ModelError:
+    # Not before it is needed: all kinds of problems together take longer to make than a file to read.
+    from hierc.grammar.errors import UnreadableFile
+
     return ModelError([UnreadableFile(None, name, reason, help)])

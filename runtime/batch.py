@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.runtime.columns import distinct
 from hierc.runtime.elements import Block
 from hierc.runtime.machine.batch import Task, driver, machine_code
 from hierc.runtime.machine.dialect import RecordArray
@@ -23,8 +24,6 @@ from hierc.runtime.trajectory import Trajectories
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _NAN = float("nan")
-#: Evaluations for each function, on average, from which on machine code is worth its compilation.
-MANY = 10_000
 #: Numbers that are held at a time, about.
 HELD = 2_000_000
 
@@ -39,13 +38,8 @@ class _Section:
     sets: Integers
 
 
-def batch(
-    system: System, calls: Sequence[tuple[int, int]], nodes: Sequence[int], moments: int
-) -> Batch | None:
-    """The batch of calls (element, part) and observed nodes; None where they are few, or call externs that are not compiled in."""
-    count = len(calls) + len(nodes)
-    if count * moments < MANY:
-        return None
+def batch(system: System, calls: Sequence[tuple[int, int]], nodes: Sequence[int], most: int) -> Batch | None:
+    """The batch of calls (element, part) and observed nodes; None where that would compile more functions than `most`, or call back."""
     elements = np.array([*(e for e, _ in calls), *nodes], np.int64)
     parts = np.array([*(part for _, part in calls), *[-1] * len(nodes)], np.int64)
     found = [
@@ -53,10 +47,9 @@ def batch(
         for b, part in sorted(set(zip(system.elements.block[elements].tolist(), parts.tolist(), strict=True)))
         for block in [system.elements.blocks[b]]
         for kind in [system.plan.classes[block.kind]]
-        if part >= 0 or kind.observe is not None
     ]
     tasks = {task for _, task, _ in found}
-    if count * moments < MANY * len(tasks) or any(task.calls_back for task in tasks):
+    if len(tasks) > most or any(task.calls_back for task in tasks):
         return None
     return Batch(system, elements, found)
 
@@ -77,7 +70,7 @@ class Batch:
         firsts = system.size + int(system.elements.outs[-1]) + np.cumsum(widths) - widths
         sections = [self._section(block, task, numbers, firsts[numbers]) for block, task, numbers in tasks]
         read = np.concatenate([s.reads.ravel() for s in sections])
-        self.needed: Integers = np.unique(read[read < system.size])
+        self.needed: Integers = distinct(read[read < system.size])
         slots = np.concatenate([self.needed, np.sort(np.concatenate([s.sets.ravel() for s in sections]))])
         rows = np.full(int(firsts[-1] + widths[-1]), -1, np.int64)
         rows[slots] = np.arange(len(slots))

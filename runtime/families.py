@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.runtime.columns import distinct, median
 from hierc.runtime.contract import Plan
 from hierc.runtime.elements import Elements
 from hierc.runtime.paths import Catalogue
@@ -68,15 +69,15 @@ def _statistics(
     counters = {k: np.array([g.stats.get(k, 0) for g in own]) for k in _COUNTERS}
     sizes = np.concatenate([np.diff(g.knots) for g in own])
     low, middle, high = (
-        (sizes.min(), np.median(sizes), sizes.max()) if len(sizes) else (np.nan, np.nan, np.nan)
+        (sizes.min(), median(sizes), sizes.max()) if len(sizes) else (np.nan, np.nan, np.nan)
     )
     return FamilyStats(
         name=name,
         groups=len(own),
         methods=tuple(dict.fromkeys(g.method for g in own)),
-        states=tuple(np.unique(elements.group_states[places]).tolist()),
+        states=tuple(distinct(elements.group_states[places]).tolist()),
         steps_min=int(counters["steps"].min()),
-        steps_median=float(np.median(counters["steps"])),
+        steps_median=median(counters["steps"]),
         steps_max=int(counters["steps"].max()),
         step_min=float(low),
         step_median=float(middle),

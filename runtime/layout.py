@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime import records
+from hierc.runtime.columns import distinct
 from hierc.runtime.elements import Elements, spread
 from hierc.runtime.machine.dialect import RecordArray, aligned
 from hierc.runtime.machine.forms import Wiring
@@ -33,7 +34,7 @@ def cohorts(wiring: Sequence[Wiring], labels: Integers) -> list[tuple[int, int, 
     found = []
     for number, w in enumerate(wiring):
         own = labels[w.places]
-        found += [(number, int(label), np.flatnonzero(own == label)) for label in np.unique(own)]
+        found += [(number, int(label), np.flatnonzero(own == label)) for label in distinct(own)]
     return found
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hierc.runtime.batch import batch
+from hierc.runtime.columns import distinct
 from hierc.runtime.contract import Plan, Variable
 from hierc.runtime.elements import expanded
 from hierc.runtime.paths import Catalogue, Selection
@@ -19,6 +19,8 @@ from hierc.runtime.trajectory import Trajectories
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+#: Evaluations for each function, on average, from which on machine code is worth its compilation.
+MANY = 10_000
 
 
 def catalogue(plan: Plan) -> Catalogue:
@@ -36,7 +38,7 @@ def evaluate(
     positions = np.concatenate([np.zeros(0, np.int64), *(w.places[w.is_state] for w in wanted)])
     states = trajectories.states(positions, t)
     elements = np.concatenate([np.zeros(0, np.int64), *(w.elements[~w.is_state] for w in wanted)])
-    observed = _Observed(system, trajectories, np.unique(elements), t)
+    observed = _Observed(system, trajectories, distinct(elements), t)
     found = {}
     first = 0
     for name, w in zip(names, wanted, strict=True):
@@ -63,7 +65,7 @@ class _Wanted:
         self.elements, self.places = np.zeros(size, np.int64), np.zeros(size, np.int64)
         self.is_state = np.zeros(size, np.bool_)
         self.shape, self.scale = selection.shape + variable.shape, variable.scale
-        for k in np.unique(entry).tolist():
+        for k in distinct(entry).tolist():
             self._put(system, variables[k], entry == k, row[entry == k])
 
     def _put(self, system: System, variable: Variable, own: NDArray[np.bool_], rows: Integers) -> None:
@@ -89,10 +91,13 @@ class _Observed:
     def _compute(self, system: System, trajectories: Trajectories, t: Floats) -> None:
         nodes: list[int] = self.elements.tolist()
         calls = system.calls_for(nodes)
-        many = batch(system, calls, nodes, len(t))
-        if many is not None:
-            self.table = many.observe(trajectories, t)
-            return
+        if worth := (len(calls) + len(nodes)) * len(t) // MANY:
+            from hierc.runtime.batch import batch
+
+            many = batch(system, calls, nodes, worth)
+            if many is not None:
+                self.table = many.observe(trajectories, t)
+                return
         needed = _states_of(system, [*nodes, *(e for e, _ in calls)])
         states = trajectories.states(needed, t)
         world, positions = system.world(np.full(system.size, np.nan)), needed.tolist()
@@ -112,4 +117,4 @@ def _states_of(system: System, nodes: Sequence[int]) -> Integers:
     """Positions of the states that some elements have or read."""
     own = [k for n in nodes for k in range(system.offsets[n], system.offsets[n] + len(system.kind(n).states))]
     read = [k for n in nodes for k in system.reads[n] if k < system.size]
-    return np.unique(np.array([*own, *read], np.int64))
+    return distinct(np.array([*own, *read], np.int64))

@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.runtime.columns import distinct
 from hierc.runtime.contract import Index
 from hierc.runtime.elements import index_table, numbered
 
@@ -163,7 +164,7 @@ class Catalogue:
             _step(step, text, own) for (step, text), own in zip(steps, named.path.split("."), strict=True)
         )
         selection = _select(named, asked, wanted, subscripts)
-        entries = np.unique(named.entry[selection.chosen]).tolist()
+        entries = distinct(named.entry[selection.chosen]).tolist()
         if self._shapes is not None and len({self._shapes[k] for k in entries}) > 1:
             raise NoShape(f"`{asked}` has no shape: its elements differ in it; give more indices")
         return selection
@@ -190,7 +191,7 @@ class Catalogue:
             low, high = _subscripts(text, name)[0] if text else (column.min(), column.max())
             chosen = chosen[(column >= low) & (column <= high)]
             if low < high:
-                found = np.unique(named.indices[chosen, level]).tolist()
+                found = distinct(named.indices[chosen, level]).tolist()
                 return [".".join((*texts[:place], f"{step}[{i}]", *texts[place + 1 :])) for i in found]
             level += 1
         raise ValueError(f"`{name}` leaves no index open")
@@ -255,7 +256,7 @@ def _select(
         if range_ is not None:
             chosen = chosen[_within(named, asked, level, column, range_)]
         if range_ is None or range_[0] < range_[1]:
-            shape.append(len(np.unique(named.indices[chosen, level])))
+            shape.append(len(distinct(named.indices[chosen, level])))
     if int(np.prod(shape)) != len(chosen):
         raise NoShape(f"`{asked}` has no shape: its arrays differ in size; give more indices")
     return Selection(named, asked, chosen, tuple(shape), subscripts)

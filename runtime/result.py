@@ -16,6 +16,7 @@ from typing import Any, Protocol, TypeVar, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hierc.runtime.columns import median
 from hierc.runtime.contract import Plan, Variable
 from hierc.runtime.elements import Elements, expand, expanded
 from hierc.runtime.errors import SettingError
@@ -422,7 +423,7 @@ def output_times(start: float, stop: float, interval: float | None) -> Floats:
 def _statistics(group: GroupTrajectory, states: int) -> GroupStats:
     sizes = np.diff(group.knots)
     low, middle, high = (
-        (sizes.min(), np.median(sizes), sizes.max()) if len(sizes) else (np.nan, np.nan, np.nan)
+        (sizes.min(), median(sizes), sizes.max()) if len(sizes) else (np.nan, np.nan, np.nan)
     )
     return GroupStats(
         method=group.method,

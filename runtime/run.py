@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime import choice
+from hierc.runtime.columns import distinct, labelled
 from hierc.runtime.contract import Plan
 from hierc.runtime.elements import Elements, expand
 from hierc.runtime.errors import ExternError, SettingError
@@ -169,11 +170,11 @@ class Engine:
             if chosen.distinct[label].method == AUTO
         ]
         learnt = probe.learn((wiring, _some(places)) for _, places, wiring in found)
-        distinct, of = list(chosen.distinct), chosen.of.copy()
+        made, of = list(chosen.distinct), chosen.of.copy()
         for (label, places, _), probes in zip(found, learnt, strict=True):
-            of[places] = len(distinct)
-            distinct.append(replace(chosen.distinct[label], method=choice.choose(*probes)))
-        return Settings(tuple(distinct), of)
+            of[places] = len(made)
+            made.append(replace(chosen.distinct[label], method=choice.choose(*probes)))
+        return Settings(tuple(made), of)
 
     def _excursions(self, system: System, start: float, trajectories: Trajectories) -> list[str]:
         """What is to be said of tables that were used outside their grids.
@@ -189,9 +190,9 @@ class Engine:
         with suppress(ExternError):
             again.initial(start)
             if any(marked):
-                knots = np.unique(np.concatenate([g.knots for g in trajectories]))
+                knots = distinct(np.concatenate([g.knots for g in trajectories]))
                 most = min(max(LOOKED_AT // max(system.size, 1), 20), 1000)
-                times = knots[np.unique(np.linspace(0, len(knots) - 1, most).astype(int))]
+                times = knots[distinct(np.linspace(0, len(knots) - 1, most).astype(int))]
                 states = trajectories.states(np.arange(system.size), times)
                 for time, x in zip(times, states, strict=True):
                     again.rhs(float(time), x)
@@ -230,11 +231,11 @@ def group_settings(
     """
     factors, depths = tighten(elements, wiring, *TIGHTEN)
     variants, of = _variants(elements, groups)
-    pairs, labels = np.unique(of * len(factors) + depths, return_inverse=True)
-    distinct = []
+    pairs, labels = labelled(of * len(factors) + depths)
+    made = []
     for variant, depth in (divmod(pair, len(factors)) for pair in pairs.tolist()):
-        distinct.append(_settings({**settings, **variants[variant]}, variants[variant], factors[depth]))
-    return Settings(tuple(distinct), labels.ravel())
+        made.append(_settings({**settings, **variants[variant]}, variants[variant], factors[depth]))
+    return Settings(tuple(made), labels)
 
 
 def _variants(
@@ -245,7 +246,7 @@ def _variants(
     variants: list[dict[str, Any]] = [{}]
     named = [(group_places(elements, name), own) for name, own in groups.items()]
     for places, own in sorted(named, key=lambda item: -len(item[0])):
-        for variant in np.unique(of[places]).tolist():
+        for variant in distinct(of[places]).tolist():
             of[places[of[places] == variant]] = len(variants)
             variants.append({**variants[variant], **own})
     return variants, of
@@ -259,7 +260,7 @@ def group_places(elements: Elements, name: str) -> Integers:
     except PathError:
         return np.zeros(0, np.int64)
     entry, row = selection.named.entry[selection.chosen], selection.named.row[selection.chosen]
-    found = [elements.families[k].places[row[entry == k]] for k in np.unique(entry).tolist()]
+    found = [elements.families[k].places[row[entry == k]] for k in distinct(entry).tolist()]
     return np.concatenate(found)
 
 

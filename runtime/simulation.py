@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime import choice, records
+from hierc.runtime.columns import median
 from hierc.runtime.elements import Elements
 from hierc.runtime.errors import ExternError, SettingError
 from hierc.runtime.externs import Watch
@@ -248,7 +249,7 @@ class Simulation:
         pieces = self.program.pieces[wiring.form, self.settings[g].method]
         classes = self.elements.plan.classes
         return choice.Probe(
-            step=float(np.median(sizes[len(sizes) // 2 :])) if len(sizes) else self.stop - self.start,
+            step=median(sizes[len(sizes) // 2 :]) if len(sizes) else self.stop - self.start,
             spectral_radius=functools.partial(self._spectral_radius, g),
             states=wiring.form.states,
             flops=sum(classes[c.kind].flops for c in wiring.form.calls if c.part < 0),

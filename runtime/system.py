@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime import ieee
+from hierc.runtime.columns import distinct
 from hierc.runtime.contract import Class, Plan
 from hierc.runtime.elements import Elements, expand, expanded, index_table, numbered, spread
 
@@ -121,7 +122,7 @@ class System:
         """Whether each of these states is in an agent whose path begins with `owner`, and is called `name` there."""
         fits = np.zeros(len(elements), np.bool_)
         blocks = self.elements.block[elements]
-        for b in np.unique(blocks).tolist():
+        for b in distinct(blocks).tolist():
             block = self.elements.blocks[b]
             if f"{block.path}.".startswith(owner):
                 names = np.array([own == name for own in self.plan.classes[block.kind].states], np.bool_)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime import records
+from hierc.runtime.columns import firsts, labelled
 from hierc.runtime.elements import Elements
 from hierc.runtime.machine.dialect import RecordArray
 from hierc.runtime.machine.program import Program
@@ -135,7 +136,7 @@ class Trajectories(Sequence[GroupTrajectory]):
 
         Before a group's first step its initial states hold, after its last knot what its last segment says.
         """
-        wanted, back = np.unique(positions, return_inverse=True)
+        wanted, back = labelled(positions)
         places = np.searchsorted(self.elements.group_offsets, wanted, "right") - 1
         out = np.broadcast_to(self.initial[wanted], (len(t), len(wanted)))
         moving = self._integrated[places]
@@ -144,13 +145,14 @@ class Trajectories(Sequence[GroupTrajectory]):
             values = _sampled(self.program, *self._requests(wanted[moving], places[moving]), t)
             out = values if moving.all() else out.copy()
             out[:, moving] = values
-        return np.asarray(out[:, back.ravel()])
+        return np.asarray(out[:, back])
 
     def _requests(self, positions: Integers, places: Integers) -> tuple[RecordArray, Integers]:
         """One request a group for the states at these positions, which are in ascending order; the places of their coefficients."""
         assert self.columns is not None
         assert self.tracks is not None
-        groups, firsts, counts = np.unique(places, return_index=True, return_counts=True)
+        begins = firsts(places)
+        groups, counts = places[begins], np.diff(begins, append=len(places))
         channels = positions - self.elements.group_offsets[places]
         coefficients = HEADER + channels * self.columns.width[places]
         made = RecordArray(records.Request, len(groups))
@@ -158,7 +160,7 @@ class Trajectories(Sequence[GroupTrajectory]):
         made["count"][:] = self.columns.count[groups]
         made["stride"][:] = self.columns.stride[groups]
         made["degree"][:] = self.columns.degree[groups]
-        made["places"][:] = coefficients.ctypes.data + 8 * firsts
+        made["places"][:] = coefficients.ctypes.data + 8 * begins
         made["channels"][:] = counts
         return made, coefficients
 

@@ -50,7 +50,7 @@ def check_class(kind: Class) -> None:
 
 def _check(function: Callable[..., None], arrays: Readable, output: str, entries: Collection[int]) -> None:
     definition = parse_function(function)
-    found = called(definition, function.__globals__)
+    found = called(function)
     counts = {name: count_of_arguments(callee) for name, callee in found.items()}
     check_function(definition, arrays, output, entries, counts)
 

@@ -111,7 +111,7 @@ class Task:
     @property
     def callees(self) -> dict[str, callees.Callee]:
         """The tables and externs that it calls."""
-        return callees.called(parse_function(self.function), self.function.__globals__)
+        return callees.called(self.function)
 
 
 @functools.cache

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import ast
 import ctypes
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from llvmlite import ir
 
@@ -21,19 +21,22 @@ from hierc.runtime.machine.arithmetic import Arithmetic
 from hierc.runtime.machine.interpolation import interpolate
 from hierc.runtime.machine.translate import Translation
 from hierc.runtime.machine.types import DOUBLE, I64, POINTER, Emitted, Float, Int, PerLane, Pointer, Value
+from hierc.runtime.machine.unit import Loaded, Unit, parse_function
 from hierc.runtime.tables import Table
-
-if TYPE_CHECKING:
-    from hierc.runtime.machine.unit import Loaded, Unit
 
 Callee = Table | Extern
 NO_NAMES: Mapping[str, Any] = {}
 
 
-def called(definition: ast.FunctionDef, names: Mapping[str, Any]) -> dict[str, Callee]:
-    """The tables and externs that a function calls, by their names in `names`, its module's globals."""
+def called(function: Callable[..., Any]) -> dict[str, Callee]:
+    """The tables and externs that a function calls, by their names among its module's globals."""
+    names = function.__globals__
+    if not any(isinstance(names.get(name), Callee) for name in function.__code__.co_names):
+        return {}  # told at once: a run whose code is cached needs no syntax trees
     found = (
-        n.func.id for n in ast.walk(definition) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
+        n.func.id
+        for n in ast.walk(parse_function(function))
+        if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
     )
     return {name: names[name] for name in dict.fromkeys(found) if isinstance(names.get(name), Callee)}
 

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.runtime.columns import distinct
 from hierc.runtime.contract import Class, Plan
 from hierc.runtime.elements import Block, Elements, Family, expand, order_parts, part_of
 from hierc.runtime.machine.calls import CallForm, Form, Where
@@ -52,7 +53,7 @@ def wire(plan: Plan | Elements) -> tuple[Wiring, ...]:
             try:
                 made.append(_Wiring(elements, channels, k, rows).result())
             except _DifferError as differ:
-                pending += [rows[differ.labels == label] for label in np.unique(differ.labels)[::-1]]
+                pending += [rows[differ.labels == label] for label in distinct(differ.labels)[::-1]]
     return tuple(made)
 
 
@@ -87,9 +88,9 @@ class _Channels:
     def _mark_read(self, family: Family) -> None:
         """The outs that the calls of a family's groups read from other groups."""
         elements = self.elements
-        for b in np.unique(elements.block[family.calls]).tolist():
+        for b in distinct(elements.block[family.calls]).tolist():
             block = elements.blocks[b]
-            for part in np.unique(family.parts).tolist():
+            for part in distinct(family.parts).tolist():
                 where = (elements.block[family.calls] == b) & (family.parts == part)
                 rows = family.calls[where] - block.first
                 places = np.broadcast_to(family.places[:, None], family.calls.shape)[where]

@@ -116,7 +116,7 @@ def _callees(classes: tuple[Class, ...], form: Form) -> dict[str, callees.Callee
     found: dict[str, callees.Callee] = {}
     for kind in sorted({call.kind for call in form.calls + form.publishing}):
         for function in _functions(classes[kind]):
-            found.update(callees.called(parse_function(function), function.__globals__))
+            found.update(callees.called(function))
     return found
 
 

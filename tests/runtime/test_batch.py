@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from running import run
 from small_models import a_class, function
 
-from hierc.runtime import batch, ieee
+from hierc.runtime import batch, ieee, observation
 from hierc.runtime.contract import Class, Group, Node, Plan, Steps, Variable
 from hierc.runtime.externs import Extern
 from hierc.runtime.run import FinishedRun
@@ -137,7 +137,7 @@ PLANS: dict[str, Callable[[], Plan]] = {
 
 def values(finished: FinishedRun, t: Floats, many: int, monkeypatch: pytest.MonkeyPatch) -> dict[str, Floats]:
     names = [v.path.replace("[]", "") for v in finished.plan.variables]
-    monkeypatch.setattr(batch, "MANY", many)
+    monkeypatch.setattr(observation, "MANY", many)
     return finished.evaluate(names, t)
 
 
@@ -182,18 +182,23 @@ def test_a_fault_is_passed_on(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_externs_that_are_called_back_stay_with_cpython(monkeypatch: pytest.MonkeyPatch) -> None:
     assert isinstance(CALLED.translation, str)
     finished = run(a_model(many(swinging(["told(x[0])"], {"told": CALLED}), 3)), 1.0)
-    system = finished.system
-    monkeypatch.setattr(batch, "MANY", ALWAYS)
-    assert batch.batch(system, [], [0, 1, 2], 100) is None
+    monkeypatch.setattr(observation, "MANY", ALWAYS)
+    assert batch.batch(finished.system, [], [0, 1, 2], 1) is None
     t = np.linspace(0.0, 1.0, 11)
     found = finished.evaluate(["one.y0", "one.x"], t)
     assert found["one.y0"].tolist() == (2.0 * found["one.x"]).tolist()
 
 
-def test_few_are_not_worth_their_compilation() -> None:
-    system = a_model(many(ORDINARY, 7)).system()
-    assert batch.batch(system, [], [0, 1], batch.MANY // 2 - 1) is None
-    assert batch.batch(system, [], [0, 1], batch.MANY // 2) is not None
+def test_few_are_not_worth_their_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two functions, one element each."""
+    finished = run(a_model(chain(1, backwards=False)), 1.0)
+    assert batch.batch(finished.system, [(0, 0)], [1], 1) is None
+    assert batch.batch(finished.system, [(0, 0)], [1], 2) is not None
+    asked = []
+    monkeypatch.setattr(batch, "batch", lambda *given: asked.append(given[-1]))
+    for count in (observation.MANY // 2 - 1, observation.MANY // 2, observation.MANY):
+        finished.evaluate(["link.y0"], np.linspace(0.0, 1.0, count))
+    assert asked == [1, 2]
 
 
 @pytest.mark.parametrize("name", ["floor", "ceil", "sin", "exp", "pow", "atan2", "log", "fmod"])
