@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hierc.compiler.arrays.columns import Integers
 from hierc.compiler.arrays.elements import plain, spelled
@@ -145,22 +146,48 @@ class Assignment:
         for here in (here for here, is_loose in zip(self._nodes, loose, strict=True) if is_loose):
             free[labels.of_element[here.node.first : here.node.first + here.node.count]] = True
         edges = _among(element_edges(self._nodes, labels.of_element, labels.count), free)
-        of_element, names = labels.of_element.copy(), list(labels.names)
-        for part in edges.closed():
-            name = self._together(labels, part)
-            of_element[np.isin(of_element, part)] = part[0]
-            names = [_without(groups, part) for groups in names]
-            names.append(NamedGroups(name, part[:1], ()))
+        parts = edges.closed()
+        if not parts:
+            return labels
+        first = np.arange(labels.count)  # of the set that each label is in
+        for part in parts:
+            first[part] = part[0]
+        joined = np.zeros(labels.count, np.bool_)
+        joined[np.concatenate(parts)] = True
+        names = [_without(groups, joined) for groups in labels.names]
+        names += self._together(labels, parts)
         kept = sorted((groups for groups in names if len(groups.labels)), key=lambda g: int(g.labels[0]))
+        of_element = np.where(labels.of_element >= 0, first[labels.of_element], -1)
         return Labels(of_element, tuple(kept), labels.count)
 
-    def _together(self, labels: Labels, part: Integers) -> str:
-        """The name of a group of several agents: all of an array by its name."""
-        whole = [g for g in labels.names if np.isin(g.labels, part).all()]
-        if len(part) > SPELLED and sum(len(groups.labels) for groups in whole) == len(part):
+    def _together(self, labels: Labels, parts: Sequence[Integers]) -> Iterator[NamedGroups]:
+        """Groups of several agents. Sets that are made of the same agents, of different elements, are one family."""
+        owner = np.zeros(labels.count, np.int64)
+        place = np.zeros(labels.count, np.int64)
+        for k, groups in enumerate(labels.names):
+            owner[groups.labels], place[groups.labels] = k, np.arange(len(groups.labels))
+        alike: dict[tuple[int, ...], list[Integers]] = {}
+        for part in parts:
+            if len(part) > SPELLED:
+                yield NamedGroups(self._abbreviated(labels, part, owner), part[:1], ())
+            else:
+                alike.setdefault(tuple(owner[part].tolist()), []).append(part)
+        for members, sets in alike.items():
+            table = np.stack(sets)
+            name = "+".join(labels.names[k].name for k in members)
+            indices = [
+                column[place[table[:, m]]]
+                for m, k in enumerate(members)
+                for column in labels.names[k].indices
+            ]
+            yield NamedGroups(name, table[:, 0], tuple(indices))
+
+    def _abbreviated(self, labels: Labels, part: Integers, owner: Integers) -> str:
+        """The name of a group of many agents: all of an array by its name."""
+        whole = [labels.names[k] for k in np.unique(owner[part]).tolist()]
+        if sum(len(groups.labels) for groups in whole) == len(part):
             return "+".join(dict.fromkeys(plain(groups.name) for groups in whole))
-        members = [labels.name(int(label)) for label in part[:SPELLED]]
-        return "+".join([*members, *(["…"] if len(part) > SPELLED else [])])
+        return "+".join([*(labels.name(int(label)) for label in part[:SPELLED]), "…"])
 
     # ---- what the user wrote ----------------------------------------------------------------------------------------------------------
 
@@ -249,12 +276,12 @@ class Assignment:
         self._problems.add(NoSuchMember(span, pattern=pattern, reason=reason))
 
 
-def _without(groups: NamedGroups, part: Integers) -> NamedGroups:
-    left = ~np.isin(groups.labels, part)
+def _without(groups: NamedGroups, joined: NDArray[np.bool_]) -> NamedGroups:
+    left = ~joined[groups.labels]
     return NamedGroups(groups.name, groups.labels[left], tuple(column[left] for column in groups.indices))
 
 
-def _among(edges: Edges, free: np.ndarray) -> Edges:
+def _among(edges: Edges, free: NDArray[np.bool_]) -> Edges:
     """The edges between some labels, and those that lead through elements without states."""
     allowed = np.concatenate([free, np.ones(edges.vertices - edges.labels, np.bool_)])
     kept = allowed[edges.reads] & allowed[edges.read]

@@ -41,7 +41,7 @@ class Scope(Protocol):
 
     def reduced(
         self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
-    ) -> Expr | None:
+    ) -> Value | None:
         """A sum or extreme of a variable over many agents of an array, computed by itself; None where `ref` names no such thing, or few.
 
         `subs`: what the subscripts after the variable choose.
@@ -50,7 +50,7 @@ class Scope(Protocol):
 
     def reduced_over(
         self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
-    ) -> Expr | None:
+    ) -> Value | None:
         """The same of an expression for each of many indices; None where there are few, or it cannot be evaluated for all of them alike."""
         ...
 
@@ -85,13 +85,13 @@ class Values:
 
     def reduced(
         self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
-    ) -> Expr | None:
+    ) -> Value | None:
         """See `Scope`: there are no agents here."""
         return None
 
     def reduced_over(
         self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
-    ) -> Expr | None:
+    ) -> Value | None:
         """See `Scope`: there are no agents here."""
         return None
 

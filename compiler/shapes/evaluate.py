@@ -11,7 +11,7 @@ from typing import assert_never
 
 from hierc.compiler.arrays.columns import Index, added, difference
 from hierc.compiler.collector import Rejected
-from hierc.compiler.expression import Choose, Expr, Gather, Time
+from hierc.compiler.expression import Choose, Gather, Time
 from hierc.compiler.resolve.errors import ModelTooLarge
 from hierc.compiler.resolve.names import size_names
 from hierc.compiler.shapes.environment import REDUCTIONS, Chosen, Environment, Values
@@ -312,17 +312,15 @@ def _reduced(call: tree.Call, env: Environment) -> Value | None:
     operation = REDUCTIONS.get(call.function.text)
     if operation is None or len(call.args) != 1:
         return None
-    alone: Expr | None = None
     match call.args[0]:
         case tree.Ref(path=path) as ref if len(path.steps) == 2:
             chosen = _chosen(path.steps[0], env) if path.steps[0].subs else None
             subs = [_indices(sub, env) for sub in path.steps[1].subs]
-            alone = env.scope.reduced(operation, ref, chosen, subs)
+            return env.scope.reduced(operation, ref, chosen, subs)
         case tree.Comprehension(over=over) as comprehension:
-            alone = env.scope.reduced_over(operation, comprehension, _indices(over.range, env), env)
+            return env.scope.reduced_over(operation, comprehension, _indices(over.range, env), env)
         case _:
-            pass
-    return None if alone is None else scalar_of("real", alone)
+            return None
 
 
 def _inlined(call: tree.Call, func: tree.Func, values: tuple[Value, ...], env: Environment) -> Value:

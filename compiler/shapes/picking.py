@@ -49,7 +49,7 @@ def _common_length(indices: list[list[Index]]) -> int:
 
 
 #: Expressions that the elements of an array may choose between, where they are not variables, parameters or numbers.
-MAX_CHOICES = 64
+MAX_CHOICES = 1_000
 
 
 def _gathered(elements: tuple[Expr, ...], places: Integers, ref: tree.Ref, env: Environment) -> Expr:

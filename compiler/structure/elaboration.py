@@ -8,24 +8,24 @@ done element by element.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hierc.compiler.arrays.columns import Column, Integers, difference
+from hierc.compiler.arrays.columns import Column, Index, Integers, added, difference
 from hierc.compiler.arrays.domains import Domain, array_domain, chosen
 from hierc.compiler.arrays.errors import EmptyArray, TooManyPatterns
 from hierc.compiler.collector import Rejected
 from hierc.compiler.context import Context
 from hierc.compiler.expression import Gather
 from hierc.compiler.resolve.errors import TooManyInstances
-from hierc.compiler.shapes.environment import Environment
+from hierc.compiler.shapes.environment import Environment, Values
 from hierc.compiler.shapes.evaluate import evaluate, index_in, known_integer
 from hierc.compiler.shapes.folding import constant
-from hierc.compiler.shapes.values import Value
+from hierc.compiler.shapes.values import Value, index_value, scalar_of
 from hierc.compiler.structure.instances import Array, Instance, inside
 from hierc.compiler.structure.parameters import ParameterBuilder, Parameters
-from hierc.compiler.walk import Visit, below, visit
+from hierc.compiler.walk import Visit, below
 from hierc.grammar import tree
 
 #: Most elements of all arrays of a model.
@@ -145,7 +145,7 @@ def _decisions(sub: tree.Instance, structural: frozenset[str], env: Environment)
     """What differs between elements and decides how they are built: the first thing found is enough to divide them."""
     for arg in sub.args:
         yield from _choices(arg.value, env)
-        if arg.name.text in structural and (value := _tried(arg.value, frozenset(), env)) is not None:
+        if arg.name.text in structural and (value := _tried(arg.value, env)) is not None:
             yield from _differing(value)
     for bind in sub.bindings:
         yield from _choices(bind.value, env)
@@ -159,26 +159,59 @@ def _differing(value: Value) -> Iterator[Column]:
 
 
 def _choices(expr: tree.Expr, env: Environment) -> Iterator[Column]:
-    """Conditions on indices, and lengths of ranges, that differ between elements. A branch that is not taken is not looked at."""
-    stack = [Visit(expr, frozenset(), False, 1)]
+    """Conditions on indices, and lengths of ranges, that differ between elements. A branch that is not taken is not looked at; lists are looked at
+    index by index, and functions with their arguments.
+    """
+    stack = [_Place(expr, env, 0)]
     while stack:
         here = stack.pop()
-        if isinstance(here.node, tree.Cond):
-            test = _tried(here.node.condition, here.bound, env)
-            if test is not None:
+        node = here.node
+        for range_ in _ranges(node):
+            yield from _length(range_, here.env)
+        match node:
+            case tree.Cond(condition=condition) if (test := _tried(condition, here.env)) is not None:
                 yield from _differing(test)
-                taken = here.node.then if constant(test.single) else here.node.other
-                stack.append(replace(here, node=taken))
-                continue
-        for range_ in _ranges(here.node):
-            yield from _length(range_, here.bound, env)
-        stack += below(here)
+                taken = node.then if constant(test.single) else node.other
+                stack += [replace(here, node=part) for part in (taken, condition)]
+            case tree.Comprehension(over=over) if (numbers := _numbers(over.range, here.env)) is not None:
+                inner = [here.env.bind(over.index.text, scalar_of("int", index_value(k))) for k in numbers]
+                stack += [replace(here, node=node.item, env=each) for each in inner]
+            case tree.Call(function=function, args=args) if function.text in here.env.library.funcs:
+                stack += [replace(here, node=arg) for arg in args]
+                if here.calls < MAX_CALLS:
+                    func = here.env.library.funcs[function.text]
+                    stack.append(_Place(func.body, _inside(func, args, here.env), here.calls + 1))
+            case _:
+                stack += [
+                    replace(here, node=visit_.node) for visit_ in below(Visit(node, frozenset(), False, 1))
+                ]
 
 
-def _tried(expr: tree.Expr, bound: frozenset[str], env: Environment) -> Value | None:
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """A part of an expression on the way through it, and what is known there; `calls`: how many functions it is inside of."""
+
+    node: tree.Expr
+    env: Environment
+    calls: int
+
+
+#: Indices of a list that are looked at one by one, and functions in functions.
+MAX_INDICES, MAX_CALLS = 100, 8
+
+
+def _inside(func: tree.Func, args: tuple[tree.Expr, ...], env: Environment) -> Environment:
+    """What is known in the body of a function: the arguments that are, and constants."""
+    inner = replace(env, scope=Values(env.constants), indices={})
+    for param, arg in zip(func.params, args, strict=False):
+        value = _tried(arg, env)
+        if value is not None:
+            inner = inner.bind(param.name.text, value)
+    return inner
+
+
+def _tried(expr: tree.Expr, env: Environment) -> Value | None:
     """The value of a scalar that is known when compiling; None for any other. What is wrong with it is reported where it is used."""
-    if any(isinstance(v.node, tree.Ref) and v.node.path.steps[0].name.text in bound for v in visit(expr)):
-        return None
     try:
         value = evaluate(expr, env)
     except Rejected:
@@ -197,9 +230,23 @@ def _ranges(node: tree.Expr) -> list[tree.Range]:
             return []
 
 
-def _length(range_: tree.Range, bound: frozenset[str], env: Environment) -> Iterator[Column]:
-    """The length of a range, if it differs between elements."""
-    ends = [_tried(end, bound, env) for end in (range_.first, range_.last)]
+def _ends(range_: tree.Range, env: Environment) -> tuple[Index, Index] | None:
+    ends = [_tried(end, env) for end in (range_.first, range_.last)]
     first, last = (None if end is None else index_in(end) for end in ends)
-    if first is not None and last is not None and isinstance(length := difference(last, first), Column):
+    return None if first is None or last is None else (first, last)
+
+
+def _length(range_: tree.Range, env: Environment) -> Iterator[Column]:
+    """The length of a range, if it differs between elements."""
+    ends = _ends(range_, env)
+    if ends is not None and isinstance(length := difference(ends[1], ends[0]), Column):
         yield length
+
+
+def _numbers(range_: tree.Range, env: Environment) -> list[Index] | None:
+    """The indices of a short range whose length is known."""
+    ends = _ends(range_, env)
+    length = None if ends is None else difference(ends[1], ends[0])
+    if ends is None or not isinstance(length, int) or length >= MAX_INDICES:
+        return None
+    return [added(ends[0], k) for k in range(length + 1)]

@@ -31,7 +31,7 @@ from hierc.compiler.structure.fan_in import FanIns
 from hierc.compiler.structure.flat import Flat, FlatDefinition, FlatState
 from hierc.compiler.structure.instances import Instance
 from hierc.compiler.structure.parameters import Parameters, index_of_elements
-from hierc.compiler.structure.paths import Gift, elements, elements_of
+from hierc.compiler.structure.paths import Gift, elements, in_order
 from hierc.compiler.structure.scope import InstanceScope, Kind, View
 from hierc.compiler.structure.storage import Storage, StoredGathering, allocate
 from hierc.compiler.structure.variables import flat_variables
@@ -358,11 +358,8 @@ class _Flattener:
             g.whole and not g.path.steps[-1].subs for g in gifts
         ):
             values = list(self._start(name, variable.declarator.initial, shape, own))
-        for gift in gifts:
+        for gift, mask in in_order(gifts, instance.domain, outside):
             path = gift.path
-            mask = elements_of(gift.elements, instance.domain, outside)
-            if not mask.any():
-                continue
             part, places = elements(path.steps[-1].subs, path.text, shape, path, outside)
             start = self._start(name, gift.value, part, outside)
             for place, value in zip(places, start, strict=True):

@@ -29,7 +29,7 @@ from hierc.compiler.shapes.evaluate import declared_shape, evaluate, expected
 from hierc.compiler.shapes.terms import rewritten
 from hierc.compiler.shapes.values import Shape, Value, index_value, scalar_of, size_of
 from hierc.compiler.structure.instances import Instance
-from hierc.compiler.structure.paths import Gift, elements_of
+from hierc.compiler.structure.paths import Gift, in_order
 from hierc.compiler.units.units import scale_of
 from hierc.grammar import tree
 
@@ -96,13 +96,13 @@ class Brought:
 
     def reduced(
         self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
-    ) -> Expr | None:
+    ) -> Value | None:
         """See `evaluate.Scope`: parameters are no agents."""
         return None
 
     def reduced_over(
         self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
-    ) -> Expr | None:
+    ) -> Value | None:
         """See `evaluate.Scope`: parameters are no agents."""
         return None
 
@@ -232,10 +232,7 @@ class ParameterBuilder:
         value: Value | None = None
         if not any(gift.whole for gift in gifts):
             value = self._written(instance, param, shape, own)
-        for gift in gifts:
-            mask = elements_of(gift.elements, instance.domain, self._file)
-            if not mask.any():
-                continue
+        for gift, mask in in_order(gifts, instance.domain, self._file):
             given = self._typed(gift.value, self._file, param, shape)
             if value is None or mask.all():
                 value = given

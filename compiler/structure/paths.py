@@ -6,7 +6,7 @@ meant raises Rejected.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,9 @@ from hierc.compiler.arrays.elements import plain as plain_path
 from hierc.compiler.arrays.errors import EmptyArray, NotAnArray, OutOfArray
 from hierc.compiler.collector import Rejected
 from hierc.compiler.model import Group, Node, Variable
+from hierc.compiler.resolve.errors import GivenTwice
 from hierc.compiler.shapes.environment import Environment
+from hierc.compiler.shapes.errors import WrongIndexCount
 from hierc.compiler.shapes.evaluate import known_integer, selected, span_of
 from hierc.compiler.shapes.values import Shape, element_names, type_text
 from hierc.compiler.structure.errors import MatchesNothing, UnknownPath
@@ -69,6 +71,21 @@ def elements_of(elements: Sequence[Sub | None], domain: Domain, env: Environment
     return mask
 
 
+def in_order(gifts: Iterable[Gift], domain: Domain, env: Environment) -> list[tuple[Gift, NDArray[np.bool_]]]:
+    """Gifts with the elements that they are for, those for more elements first: so that the one that means fewer elements holds.
+
+    Raises Rejected (E214) where two that mean equally many give something to the same element.
+    """
+    marked = [(gift, elements_of(gift.elements, domain, env)) for gift in gifts]
+    marked.sort(key=lambda pair: -int(pair[1].sum()))
+    for k, (gift, mask) in enumerate(marked):
+        for other, others in marked[:k]:
+            same = others.sum() == mask.sum() and (mask & others).any()
+            if same and gift.path.steps[-1].subs == other.path.steps[-1].subs == ():
+                raise Rejected(GivenTwice(gift.path.span, name=gift.path.span.text, first=other.path.span))
+    return [(gift, mask) for gift, mask in marked if mask.any()]
+
+
 def find(path: tree.Path, instances: Sequence[Instance]) -> Named:
     """The agent that the last name of a path belongs to. Raises Rejected (E910, E806)."""
     at = instances[0]
@@ -83,10 +100,16 @@ def find(path: tree.Path, instances: Sequence[Instance]) -> Named:
                 UnknownPath(step.span, what="agent", path=step.span.text, candidates=known, shorter=level)
             )
         at = instances[at.children[name]]
-        if at.instance is not None and at.instance.index is not None:
-            elements.append(step.subs[0] if step.subs else None)
-        if len(step.subs) > (at.instance is not None and at.instance.index is not None):
+        is_array = at.instance is not None and at.instance.index is not None
+        if step.subs and not is_array:
             raise Rejected(NotAnArray(step.span, name=name, arrays=()))
+        if len(step.subs) > 1:
+            count = len(step.subs)
+            raise Rejected(
+                WrongIndexCount(step.span, name=name, type="array of agents", wanted=1, given=count)
+            )
+        if is_array:
+            elements.append(step.subs[0] if step.subs else None)
     last = path.steps[-1]
     return Named(at, last.name.text, last.subs, tuple(elements))
 
@@ -109,6 +132,8 @@ def group_named(path: tree.Path, groups: Sequence[Group], nodes: Sequence[Node],
         for name, group in known.items()
         if any(_is_in(nodes[block], plain) for block in _blocks(group, blocks))
     )
+    if any(step.subs for step in path.steps):
+        found = ()  # it would mean all of the group that the elements are in
     if len(found) != 1:
         shorter = without_level(text, tuple(known))
         raise Rejected(

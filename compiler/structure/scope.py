@@ -152,11 +152,11 @@ class InstanceScope:
     def _elements(self, ref: tree.Ref, array: Array, chosen: Chosen | None) -> Value:
         """A variable of elements of an array: of one, of a slice, or of all."""
         name, kind = self._variable(ref, array)
-        shape = self._shape(array, name, ref)
         indices: tuple[Index, ...] = chosen.indices if chosen is not None else tuple(_all(array))
         several = chosen is None or chosen.several
         places = [self._slots(array, index, chosen) for index in indices]
-        tables = self._tables(array, name)
+        shape = self._shape(array, name, ref, places)
+        tables = self._tables(array, name, shape)
         leaves = tuple(
             self._own(array, name, k, place, kind, ref.span) or Gather(ref.span, kind, column(table[place]))
             for place in places
@@ -177,14 +177,15 @@ class InstanceScope:
 
     def reduced(
         self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
-    ) -> Expr | None:
+    ) -> Value | None:
         """See `evaluate.Scope`. Elements of an array that look at the same agent around them share what it makes."""
         array = self.instance.arrays.get(ref.path.steps[0].name.text)
         if array is None or (chosen is not None and not chosen.several):
             return None
         name, kind = self._variable(ref, array)
         indices: Sequence[Index] = _all(array) if chosen is None else chosen.indices
-        picked = _picked(len(indices), self._shape(array, name, ref), subs)
+        shape = self._shape(array, name, ref)
+        picked = _picked(len(indices), shape, subs)
         if picked is None or len(picked[0]) * len(picked[1]) <= FEW:
             return None
         rows, scalars = picked
@@ -196,13 +197,14 @@ class InstanceScope:
         if outside.any():
             self._slots(array, numbers[int(np.argmax(outside))], chosen)  # refuses it
         around = np.arange(self.instance.domain.count)[:, None] * array.size + slots
-        tables = self._tables(array, name)
+        tables = self._tables(array, name, shape)
         joined = np.concatenate([tables[k][around] for k in scalars], axis=1)
-        return self._seen(self.owner.fan_in(operation, kind, joined, self.instance, ref.span), ref.span)
+        made = self.owner.fan_in(operation, kind, joined, self.instance, ref.span)
+        return scalar_of("real", self._seen(made, ref.span))
 
     def reduced_over(
         self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
-    ) -> Expr | None:
+    ) -> Value | None:
         """See `evaluate.Scope`. The expression is evaluated once, for an array of elements that have nothing but their index."""
         numbers = [index for index in indices if isinstance(index, int)]
         if self.view is not None or len(numbers) < len(indices) or len(numbers) <= FEW:
@@ -224,30 +226,35 @@ class InstanceScope:
         span = comprehension.span
         each = self.owner.computed(value.single, self.instance, domain, span)
         joined = each.reshape(self.instance.domain.count, -1)
-        return self._seen(self.owner.fan_in(operation, "algebraic", joined, self.instance, span), span)
+        made = self.owner.fan_in(operation, "algebraic", joined, self.instance, span)
+        return scalar_of(value.scalar, self._seen(made, span))
 
     def _seen(self, numbers: Integers, span: Span) -> Expr:
         """An algebraic variable of each element of the agent, as those that look at it see it."""
         return Gather(span, "algebraic", column(numbers if self.view is None else numbers[self.view.places]))
 
-    def _shape(self, array: Array, name: str, ref: tree.Ref) -> Shape:
-        shapes = [self.owner.storage.shapes[block].get(name) for block in array.blocks]
-        if None in shapes:
+    def _shape(self, array: Array, name: str, ref: tree.Ref, places: Sequence[Integers] = ()) -> Shape:
+        """The shape of a variable in the elements at these places, or in all."""
+        found = [self.owner.storage.shapes[block].get(name) for block in array.blocks]
+        shapes = [shape for shape in found if shape is not None]
+        if len(shapes) < len(found):
             raise Rejected  # reported
-        if any(shape != shapes[0] for shape in shapes):
-            raise Rejected(ShapesOfElements(ref.span, name=ref.path.text))
-        return shapes[0] or ()
+        if len(set(shapes)) > 1 and places:
+            asked = np.concatenate(places)
+            shapes = [s for s, own in zip(shapes, array.slots, strict=True) if np.isin(asked, own).any()]
+        if len(set(shapes)) > 1:
+            raise Rejected(ShapesOfElements(ref.span, name=ref.span.text))
+        return shapes[0]
 
-    def _tables(self, array: Array, name: str) -> list[Integers]:
-        """For each scalar of a variable, its number in every element of the array, in all elements of the agent around it."""
-        numbers = [self.owner.storage.numbers(self.owner.instance(block), name) for block in array.blocks]
+    def _tables(self, array: Array, name: str, shape: Shape) -> list[Integers]:
+        """For each scalar of a variable, its number in every element of the array that has this shape, in all elements of the agent around it."""
         total = sum(len(slots) for slots in array.slots)
-        tables = []
-        for k in range(len(numbers[0])):
-            table = np.zeros(total, np.int64)
-            for slots, own in zip(array.slots, numbers, strict=True):
-                table[slots] = own[k]
-            tables.append(table)
+        tables = [np.zeros(total, np.int64) for _ in range(size_of(shape))]
+        for block, slots in zip(array.blocks, array.slots, strict=True):
+            if self.owner.storage.shapes[block].get(name) == shape:
+                numbers = self.owner.storage.numbers(self.owner.instance(block), name)
+                for table, own in zip(tables, numbers, strict=True):
+                    table[slots] = own
         return tables
 
     def _slots(self, array: Array, index: Index, chosen: Chosen | None) -> Integers:

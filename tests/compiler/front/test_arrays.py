@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from hierc.compiler.arrays.columns import expanded
 from hierc.compiler.driver import compile_source, model_of
+from hierc.compiler.expression import Choose, Number
 from hierc.compiler.model import Model, Node
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import SourceFile
@@ -419,3 +420,67 @@ def test_gifts_of_an_experiment_to_elements() -> None:
     (k,) = (p for p in made.parameters if p.path == "car[].k")
     assert "Choose" in type(k.values[0]).__name__
     assert np.prod(k.count) == 4
+
+
+def test_what_means_fewer_elements_holds_and_nothing_is_given_twice() -> None:
+    for args in ("car[2].k = 9, car.k = 8", "car.k = 8, car[2].k = 9"):
+        made = model(f"{ROAD} experiment e of Road({args}) {{ stop = 1 [s]; }}")
+        (k,) = (p for p in made.parameters if p.path == "car[].k")
+        given = k.values[0]
+        assert isinstance(given, Choose)
+        assert [e.value for e in (given.then, given.other) if isinstance(e, Number)] == [9.0, 8.0]
+    for items in ("init { car[2].x = 1; car[2].x = 2; }", "init { car[1..2].x = 1; car[2..3].x = 2; }"):
+        assert codes(f"{ROAD} experiment e of Road() {{ stop = 1 [s]; {items} }}") == ["E214"]
+
+
+def test_conditions_on_indices_in_lists_and_functions() -> None:
+    made = model(
+        """func real pick(int i, real a, real b) = if i == 1 then a else b;
+           agent Top() {
+             agent b[i in 1..6] = Lag() [u := 1];
+             agent a[i in 1..6] = Lag() [u := sum([if i + j <= 6 then b[i + j].x else 0 for j in 0..2])
+                                           + pick(i, 1, if i > 1 then a[i - 1].x else 0)];
+           }"""
+    )
+    order, others = owners(made, "a[]", 0), owners(made, "b[]", 0)
+    for node in blocks(made, "a[]"):
+        for k, i in enumerate(expanded(node.indices[0], node.count).tolist()):
+            expected = {others[i + j - 1] for j in range(3) if i + j <= 6}
+            expected |= {order[i - 2]} if i > 1 else set()
+            assert {number for number, _, _ in reads(made, node, k)} == expected
+
+
+def test_sums_keep_their_type_however_many_they_join() -> None:
+    count = "div(sum([if a[j].x > 0 then 1 else 0 for j in 1..N]), 2)"
+    for size in (30, 40):
+        made = model(
+            f"""agent Top(int N = 3) {{
+                  agent a[i in 1..N] = Lag() [u := 1];
+                  agent half = Lag() [u := {count}];
+                }}""",
+            N=size,
+        )
+        assert made.nodes
+
+
+def test_one_element_has_one_shape() -> None:
+    made = model(
+        """agent Vector(int n) { write real[n] q = zeros(n); diff { q' = -1 [1/s]*q; } }
+           agent Top() { agent v[i in 2..3] = Vector(n = i); write real s; alge { s = v[2].q[1] + sum(v[3].q); } }"""
+    )
+    (top,) = blocks(made, "")
+    assert len(top.inputs) == 4
+
+
+def test_agents_that_need_each_other_in_every_element_are_one_family() -> None:
+    made = model(
+        """agent Pair(real c = 1) {
+             read real g;
+             agent p = Lag(k = c*1 [1/s]) [u := q.x + g];
+             agent q = Lag() [u := -p.x];
+             write real o;
+             alge { o = p.x; }
+           }
+           agent Top() { agent r[i in 1..50] = Pair(c = i) [g := if i == 1 then 0 else r[i - 1].o]; }"""
+    )
+    assert names(made) == [("r[].p+r[].q", 1), ("r[].p+r[].q", 49)]
