@@ -2,13 +2,15 @@
 
 At first all groups' tracks are parts of one array; a group that outgrows its part gets a track of its own. Small ones are plain arrays. A large one is a
 mapping of its own, which the operating system can make longer without copying it, so that growth never holds up the run; where the system cannot,
-it is copied.
+it is copied. Of the array in parts each group uses only the beginning of its own, so it is not made of the huge pages that numpy asks for: clearing what
+nobody uses, and looking for room for it, took longer than the steps themselves.
 """
 
 from __future__ import annotations
 
 import mmap
 import sys
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +37,7 @@ class Track:
         """Make room for `count` doubles; those there are stay."""
         if self._map is not None and self._extend(8 * count):
             return
-        made = _private_mapping(8 * count) if 8 * count >= _MAPPED else None
+        made = _private_mapping(8 * count)
         larger: Floats = np.zeros(count) if made is None else np.frombuffer(made, np.float64)
         larger[: len(self.array)] = self.array
         self._map, self.array = made, larger
@@ -55,10 +57,20 @@ class Track:
 
 
 def _private_mapping(size: int) -> mmap.mmap | None:
-    """Zeroed memory that can be lengthened; None where the system has none. A shared mapping, mmap's default, cannot grow."""
-    if sys.platform != "linux":
+    """Zeroed memory that can be lengthened; None for little, and where the system has none. A shared mapping, mmap's default, cannot grow."""
+    if sys.platform != "linux" or size < _MAPPED:
         return None
     return mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+
+
+def _in_small_pages(count: int) -> Floats:
+    """Zeros that take memory only where they are used, as far as the system can."""
+    made = _private_mapping(8 * count)
+    if made is None:
+        return np.zeros(count)
+    with suppress(OSError):  # a system without huge pages
+        made.madvise(mmap.MADV_NOHUGEPAGE)
+    return np.frombuffer(made, np.float64)
 
 
 class Tracks:
@@ -68,7 +80,7 @@ class Tracks:
         self._strides, self._room = strides, room
         lengths = room * strides
         self._firsts: Integers = np.cumsum(lengths) - lengths
-        self._shared: Floats = np.zeros(int(lengths.sum()))
+        self._shared: Floats = _in_small_pages(int(lengths.sum()))
         self._own: dict[int, Track] = {}
         self.addresses: Integers = self._shared.ctypes.data + 8 * self._firsts
         self.bytes = self._shared.nbytes

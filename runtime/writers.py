@@ -20,8 +20,8 @@ from hierc.runtime.files import write_whole
 
 Floats = NDArray[np.float64]
 
-#: Rows formatted at a time.
-_BLOCK = 4096
+#: Numbers formatted at a time, about.
+_BLOCK = 1 << 18
 
 
 def write_csv(path: Path, t: Floats, columns: Mapping[str, Floats]) -> None:
@@ -37,17 +37,17 @@ def write_csv(path: Path, t: Floats, columns: Mapping[str, Floats]) -> None:
 
 def print_csv(file: TextIO, t: Floats, columns: Mapping[str, Floats]) -> None:
     """Write the same table to an open text file."""
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(["time", *map(safe_cell, columns)])
+    csv.writer(file, lineterminator="\n").writerow(["time", *map(safe_cell, columns)])
     for rows in _rows(t, columns):
-        writer.writerows(rows)
+        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
     file.flush()
 
 
 def _rows(t: Floats, columns: Mapping[str, Floats]) -> Iterator[list[list[float]]]:
     table = np.column_stack([t, *columns.values()])
-    for first in range(0, len(table), _BLOCK):
-        yield table[first : first + _BLOCK].tolist()  # Python floats: csv prints their repr
+    count = max(_BLOCK // table.shape[1], 1)
+    for first in range(0, len(table), count):
+        yield table[first : first + count].tolist()  # Python floats, not numpy's
 
 
 def safe_cell(name: str) -> str:
