@@ -42,3 +42,25 @@ def test_states_have_their_own_names() -> None:
     case = Case(text, "Top")
     assert sorted(case.model.states) == ["a.x", "b.x"]
     case.check_rates(0.0, [1.0, 3.0])
+
+
+@pytest.mark.parametrize("ahead", ["i - 1", "i + 1"])
+def test_initial_values_along_an_array(ahead: str) -> None:
+    """Each link starts where the one ahead of it does, and a step further: one pass over them in the right order, forwards or backwards."""
+    first = "1" if ahead == "i - 1" else "9"
+    text = f"""
+      agent Head() {{ write real x = 2 + time; diff {{ x' = -x; }} }}
+      agent Link(int k) {{
+        read real a; write real x = 0.9*a + sin(k), y = 2*x; diff {{ x' = a - x; y' = x; }}
+      }}
+      agent Top() {{
+        agent head = Head();
+        agent link[i in 1..9] = Link(k = i) [a := if i == {first} then head.x else link[{ahead}].x];
+        group each link;
+      }}"""
+    case = Case(text, "Top")
+    plan = case.model.plan
+    assert plan.start_passes == 1
+    assert (plan.start_order is None) == (ahead == "i - 1")
+    for t in (0.0, 1.5):
+        case.check_start(t)
