@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from hierc.runtime.contract import CONTRACT, Class, Experiment, Group, Node, Parameter, Part, Plan, Variable
-from hierc.runtime.elements import expand
+from hierc.runtime.elements import Elements, expand
 from hierc.runtime.model import Model
 
 _NUMBERS = itertools.count()
@@ -141,10 +141,11 @@ def a_plan(
         experiment=Experiment(settings=settings or {}),
     )
     home = {n for g in plan.groups for n in g.nodes}
-    return replace(plan, groups=tuple(_with_calls(plan, g, home) for g in plan.groups))
+    elements = expand(plan)
+    return replace(plan, groups=tuple(_with_calls(plan, elements, g, home) for g in plan.groups))
 
 
-def _with_calls(plan: Plan, group: Group, home: set[int]) -> Group:
+def _with_calls(plan: Plan, elements: Elements, group: Group, home: set[int]) -> Group:
     """The group with its calls: the outs of its own or of stateless nodes that it needs, then its right-hand sides."""
     own = set(group.nodes)
 
@@ -154,7 +155,7 @@ def _with_calls(plan: Plan, group: Group, home: set[int]) -> Group:
     wanted = [
         (n, k) for m in group.nodes for n, what, k in plan.nodes[m].sources if what == "out" and inside(n)
     ]
-    calls = expand(plan).order_parts(wanted, inside)
+    calls = elements.order_parts(wanted, inside)
     return replace(group, calls=(*calls, *((n, -1) for n in group.nodes)))
 
 
