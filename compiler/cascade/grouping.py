@@ -76,20 +76,40 @@ def make_groups(
 
 def _families(nodes: Sequence[LocalNode], node_order: Sequence[int], labels: Labels) -> Iterator[Family]:
     """Groups of one name, divided where what they hold or read differs in form."""
-    for name in labels.names:
-        members: list[tuple[int, Integers]] = []
-        for n in node_order:
-            node = nodes[n].node
-            own = labels.of_element[node.first : node.first + node.count]
-            inside = np.flatnonzero(np.isin(own, name.labels))
-            if len(inside):
-                members.append((n, inside[np.argsort(own[inside], kind="stable")] + node.first))
-        for places in _alike(nodes, members, labels, name):
-            columns = []
-            for n, elements in members:
-                columns.append((n, elements[np.isin(labels.of_element[elements], name.labels[places])]))
+    members = _members(nodes, node_order, labels)
+    for name, found in zip(labels.names, members, strict=True):
+        for places in _alike(nodes, found, labels, name):
+            whole = len(places) == len(name.labels)
+            columns = [
+                (
+                    n,
+                    elements
+                    if whole
+                    else elements[np.isin(labels.of_element[elements], name.labels[places])],
+                )
+                for n, elements in found
+            ]
             kept = tuple((n, column_) for n, column_ in columns if len(column_))
             yield Family(name.name, kept, name.labels[places], tuple(c[places] for c in name.indices))
+
+
+def _members(
+    nodes: Sequence[LocalNode], node_order: Sequence[int], labels: Labels
+) -> list[list[tuple[int, Integers]]]:
+    """For each name, the nodes that have elements in its groups, with these elements, group by group."""
+    names = np.zeros(labels.count, np.int64)
+    for k, name in enumerate(labels.names):
+        names[name.labels] = k
+    found: list[list[tuple[int, Integers]]] = [[] for _ in labels.names]
+    for n in node_order:
+        node = nodes[n].node
+        own = labels.of_element[node.first : node.first + node.count]
+        if own[0] < 0:
+            continue  # without states
+        for k in np.unique(names[own]).tolist():
+            inside = np.flatnonzero(names[own] == k)
+            found[k].append((n, inside[np.argsort(own[inside], kind="stable")] + node.first))
+    return found
 
 
 def _alike(

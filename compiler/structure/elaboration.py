@@ -31,7 +31,7 @@ from hierc.grammar import tree
 #: Most elements of all arrays of a model.
 MAX_ELEMENTS = 1_000_000
 #: Most blocks of one array.
-MAX_PATTERNS = 1_000
+MAX_PATTERNS = 256
 
 
 def elaborate(
