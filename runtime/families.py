@@ -68,9 +68,7 @@ def _statistics(
     own = [groups[g] for g in places.tolist()]
     counters = {k: np.array([g.stats.get(k, 0) for g in own]) for k in _COUNTERS}
     sizes = np.concatenate([np.diff(g.knots) for g in own])
-    low, middle, high = (
-        (sizes.min(), median(sizes), sizes.max()) if len(sizes) else (np.nan, np.nan, np.nan)
-    )
+    low, middle, high = (sizes.min(), median(sizes), sizes.max()) if len(sizes) else (np.nan, np.nan, np.nan)
     return FamilyStats(
         name=name,
         groups=len(own),

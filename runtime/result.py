@@ -422,9 +422,7 @@ def output_times(start: float, stop: float, interval: float | None) -> Floats:
 
 def _statistics(group: GroupTrajectory, states: int) -> GroupStats:
     sizes = np.diff(group.knots)
-    low, middle, high = (
-        (sizes.min(), median(sizes), sizes.max()) if len(sizes) else (np.nan, np.nan, np.nan)
-    )
+    low, middle, high = (sizes.min(), median(sizes), sizes.max()) if len(sizes) else (np.nan, np.nan, np.nan)
     return GroupStats(
         method=group.method,
         states=states,
