@@ -134,3 +134,17 @@ class ShapesOfElements(Problem):
 
     def title(self) -> str:
         return f"`{self.name}` does not have the same shape in all elements"
+
+
+@dataclass(frozen=True)
+class NegativeIndex(Problem):
+    code = "E809"
+    explanation = "The indices of an array of agents are whole numbers from 0 on, so that its agents can be named: `car[3]`."
+    name: str
+    first: int
+
+    def title(self) -> str:
+        return f"the indices of `{self.name}` begin at {self.first}, below 0"
+
+    def help(self) -> tuple[str, ...]:
+        return ("begin at 1, and compute with the index what differs",)

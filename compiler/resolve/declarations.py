@@ -263,7 +263,10 @@ class _AgentSorter:
             case tree.Group(name=name) if self._group_names.new(name):
                 self._groups[name.text] = item
             case tree.GroupEach(name=name):
-                self._each.setdefault(name.text, item)
+                first = self._each.setdefault(name.text, item)
+                if first is not item:
+                    text = f"group each {name.text}"
+                    self._problems.add(DeclaredTwice(name.span, name=text, first=first.name.span))
             case tree.Mode() | tree.Trans() | tree.Sample():
                 self._problems.add(_unsupported_item(item))
             case _:

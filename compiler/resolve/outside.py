@@ -13,13 +13,14 @@ import numpy as np
 from hierc.compiler import model
 from hierc.compiler.arrays.columns import expanded
 from hierc.compiler.arrays.elements import plain
-from hierc.compiler.arrays.errors import CountsDiffer, OutOfArray, StructuralElement
+from hierc.compiler.arrays.errors import CountsDiffer, EmptyArray, NotAnArray, OutOfArray, StructuralElement
 from hierc.compiler.collector import Collector, Rejected
 from hierc.compiler.expression import Number
 from hierc.compiler.resolve.errors import UnknownParameter
 from hierc.compiler.shapes.values import Scalar, Shape, Value, type_text
 from hierc.compiler.structure.errors import WrongValue
 from hierc.compiler.suggest import did_you_mean_without, without_level
+from hierc.grammar.problems import closest
 
 #: Values by path. `object`, because they are checked here.
 Given = Mapping[str, object]
@@ -80,15 +81,25 @@ def check_given(parameters: Iterable[model.Parameter], given: Given) -> None:
         try:
             if blocks is None or (whole != path and not blocks[0].indices):
                 firsts = {name: entries[0] for name, entries in known.items()}
+                advice = _advice(path, firsts) or _for_elements(path, whole, tuple(known))
                 raise Rejected(
-                    UnknownParameter(
-                        None, agent=None, name=path, candidates=tuple(known), advice=_advice(path, firsts)
-                    )
+                    UnknownParameter(None, agent=None, name=path, candidates=tuple(known), advice=advice)
                 )
             _check_value(path, value, blocks, _elements(path, blocks))
         except Rejected as rejection:
             problems.rejected(rejection)
     problems.stop_on_errors()
+
+
+def _for_elements(path: str, whole: str, known: Sequence[str]) -> str | None:
+    """What a misspelt name of elements of an array may have meant, of the same elements."""
+    if whole in known:
+        return f"did you mean `{whole}`?"  # a subscript after a single agent
+    close = closest(whole, known)
+    if close is None or close.rpartition(".")[0] != whole.rpartition(".")[0]:
+        return None
+    owner = path.rpartition(".")[0]
+    return f"did you mean `{owner}.{close.rpartition('.')[2]}`?" if "[" in owner else None
 
 
 #: The subscript of an array of agents in a path.
@@ -102,6 +113,9 @@ def _elements(path: str, blocks: Sequence[model.Parameter]) -> int:
     columns = [np.concatenate([expanded(b.indices[k], b.count) for b in blocks]) for k in range(len(arrays))]
     chosen = np.ones(len(columns[0]) if columns else 1, np.bool_)
     names = path.replace("..", "\0").split(".")
+    single = next((k for k, name in enumerate(names[:-1]) if "[" in name and k not in arrays), None)
+    if single is not None:
+        raise Rejected(NotAnArray(None, name=names[single].partition("[")[0], arrays=()))
     for place, column in zip(arrays, columns, strict=True):
         match = _SUBSCRIPT.search(names[place].replace("\0", "..") + ".")
         if match is None:
@@ -110,6 +124,8 @@ def _elements(path: str, blocks: Sequence[model.Parameter]) -> int:
             raise Rejected(StructuralElement(None, name=template[-1], path=_SUBSCRIPT.sub(".", path)))
         ends = [int(match[1]), int(match[2] or match[1])]
         first, last = int(column.min()), int(column.max())
+        if ends[1] < ends[0]:
+            raise Rejected(EmptyArray(None, name=names[place].partition("[")[0], first=ends[0], last=ends[1]))
         outside = next((end for end in ends if not first <= end <= last), None)
         if outside is not None:
             raise Rejected(

@@ -14,7 +14,7 @@ import numpy as np
 
 from hierc.compiler.arrays.columns import Column, Index, Integers, added, difference
 from hierc.compiler.arrays.domains import Domain, array_domain, chosen
-from hierc.compiler.arrays.errors import EmptyArray, TooManyPatterns
+from hierc.compiler.arrays.errors import EmptyArray, NegativeIndex, TooManyPatterns
 from hierc.compiler.collector import Rejected
 from hierc.compiler.context import Context
 from hierc.compiler.expression import Gather
@@ -93,6 +93,8 @@ class _Elaboration:
         size = last - first + 1
         if size < 1:
             raise Rejected(EmptyArray(sub.index.range.span, name=name, first=first, last=last))
+        if first < 0:
+            raise Rejected(NegativeIndex(sub.index.range.first.span, name=name, first=first))
         self._count(sub, parent.domain.count, size)
         whole = array_domain(parent.domain, first, size)
         slots = self._patterns(parent, sub, whole)

@@ -136,6 +136,11 @@ class ArgumentUnit(Problem):
         declared = () if self.declared is None else (Label(self.declared, "declared here"),)
         return (*declared, *_called(self.call))
 
+    def help(self) -> tuple[str, ...]:
+        if self.function in ("`sin`", "`cos`", "`tan`") and self.given.unit == "s":
+            return ("multiply the time by a rate with its unit, as in `3 [rad/s]*time`",)
+        return ()
+
 
 @dataclass(frozen=True)
 class CouplingUnits(Problem):

@@ -291,6 +291,24 @@ def test_initial_values_along_an_array() -> None:
 
 # ---- from outside ---------------------------------------------------------------------------------------------------------------------
 
+
+def test_a_subscript_after_a_single_agent() -> None:
+    text = LAG + "agent Row() { agent one = Lag() [u := 1]; } agent Top() { agent row[i in 1..3] = Row(); }"
+    for path, code in (("row[2].one.k", None), ("row[2].one[1].k", "E806"), ("row.one[1].k", "E806")):
+        try:
+            model_of(SourceFile("test.hier", text), "Top", {path: 2.0})
+        except ModelError as error:
+            assert [problem.code for problem in error.problems] == [code]
+        else:
+            assert code is None
+
+
+def test_a_misspelt_parameter_of_one_element() -> None:
+    with pytest.raises(ModelError) as caught:
+        model_of(SourceFile("test.hier", LAG + ROAD), "Road", {"car[2].kk": 1.0})
+    assert caught.value.problems[0].help() == ("did you mean `car[2].k`?",)
+
+
 ROAD = """agent Road(int N = 4) { agent car[i in 1..N] = Lag(k = 1 [1/s]*i) [u := 1]; }"""
 
 
@@ -309,6 +327,8 @@ ROAD = """agent Road(int N = 4) { agent car[i in 1..N] = Lag(k = 1 [1/s]*i) [u :
         ("car[2].kk", 2.0, "E206"),
         ("cart[2].k", 2.0, "E206"),
         ("car[2].k", "two", "E911"),
+        ("car[3..2].k", 2.0, "E805"),
+        ("car[2].k[1].x", 2.0, "E206"),
     ],
 )
 def test_values_by_path(path: str, value: object, code: str | None) -> None:
