@@ -76,6 +76,7 @@ def after_acceptance(g: Group, error: float, safety: float) -> None:
     if g.rejections > 0:
         factor = min(factor, 1.0)
     g.last_size = g.trial
+    g.usual = max(g.trial, g.usual - 0.5 * g.trial)
     g.last_error = max(error, 1e-2)
     g.h = g.trial * factor
 

@@ -6,13 +6,14 @@ to each of them, and an array of the shape (elements, *shape) gives one to each.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime.contract import Defaults, Parameter, Plan
-from hierc.runtime.elements import expanded, index_table
+from hierc.runtime.elements import expanded, index_table, numbered
 from hierc.runtime.errors import SettingError
 from hierc.runtime.paths import Catalogue, PathError, Selection
 
@@ -40,27 +41,45 @@ def parameter_vector(plan: Plan, given: Mapping[str, object]) -> Floats:
     values = q.tolist()
     try:
         plan.parameters_function(values)
-        q = np.asarray(values, np.float64)
-        for defaults in plan.defaults:
-            _complete(defaults, q)
     except _FAULTS as error:
-        raise SettingError(f"the parameters of {plan.name} cannot be computed: {error}") from None
+        singles = [p.first + k for p in plan.parameters if not p.indices for k in range(math.prod(p.shape))]
+        missing = next((entry for entry in singles if values[entry] != values[entry]), None)
+        raise SettingError(_cannot_be_computed(plan, missing, error)) from None
+    q = np.asarray(values, np.float64)
+    for defaults in plan.defaults:
+        _complete(plan, defaults, q)
     return q
 
 
-def _complete(defaults: Defaults, q: Floats) -> None:
+def _cannot_be_computed(plan: Plan, entry: int | None, error: Exception) -> str:
+    """What to say where a default has no value: whose it is."""
+    for p in plan.parameters:
+        size = math.prod(p.shape)
+        if entry is not None and p.first <= entry < p.first + size * p.count:
+            element = (entry - p.first) // size
+            indices = [int(expanded(index, p.count)[element]) for index in p.indices]
+            return f"the default of `{numbered(p.path, indices)}` cannot be computed: {error}"
+    return f"the parameters of {plan.name} cannot be computed: {error}"
+
+
+def _complete(plan: Plan, defaults: Defaults, q: Floats) -> None:
     """Give the parameters of a block their defaults. Elements that are given the same have the same."""
     entries = index_table(defaults.entries, defaults.count)
     rows = np.concatenate([q[index_table(defaults.given, defaults.count)], q[entries]], axis=1)
     known: dict[bytes, list[float]] = {}
     found = []
     given = len(defaults.given)
-    for row in rows:
+    for element, row in enumerate(rows):
         key = row.tobytes()
         if key not in known:
             numbers = row.tolist()
             known[key] = numbers[given:]
-            defaults.function(numbers[:given], known[key])
+            try:
+                defaults.function(numbers[:given], known[key])
+            except _FAULTS as error:
+                missing = next((k for k, v in enumerate(known[key]) if v != v), None)
+                entry = None if missing is None else int(entries[element, missing])
+                raise SettingError(_cannot_be_computed(plan, entry, error)) from None
         found.append(known[key])
     q[entries] = found
 

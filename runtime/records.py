@@ -39,6 +39,7 @@ class Group(Record):
     end: float  # where the step under trial ends
     trial: float  # its size
     previous: float  # size of the last accepted step
+    usual: float  # size of steps lately: falls by half of what smaller ones go on
     stop: float
     max_step: float
     min_step: float

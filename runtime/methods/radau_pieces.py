@@ -78,6 +78,10 @@ if TYPE_CHECKING:  # given by Radau.names
     def solve_real(b: Array[float], factors: Array[Lanes]) -> None: ...
 
 
+#: Steps that are smaller than usual ones by this factor are taken to come to a jump of what other groups read.
+SUSPECT = 1e-2
+
+
 def initial(g: Group) -> float:
     """First step size."""
     y = at(g.work, Y)
@@ -190,7 +194,8 @@ def defect(g: Group) -> float:
 
     Between the stages, the derivative of the states' polynomial is compared with the right-hand side at its values and the inputs as they are there; the
     Newton matrix turns the difference into an error of the states. So inputs that move faster than the stages can see show, as does a solution
-    that turns faster than its polynomial. What other groups read is computed there and compared with its own polynomial.
+    that turns faster than its polynomial. What other groups read is computed there and compared with its own polynomial; where that jumps, the
+    difference counts by the part that the step is of usual ones, for so much less does a reader gather of it.
     """
     y = at(g.work, Y)
     z = at(g.work, Z)
@@ -216,8 +221,12 @@ def defect(g: Group) -> float:
             f[i] = g.x[i] + z[i]
         publish(g.t + g.trial * NODES, f, g.u, g.p, out)
         publish(t, y, u, g.p, seen)
+        # What jumps differs from any polynomial however small the step; but a reader only feels the difference as long as the step lasts.
+        weight = 1.0
+        if g.trial < SUSPECT * g.usual:
+            weight = g.trial / g.usual
         for k in range(PUBLISHED):
-            q = (seen[k] - between(out[k])) / (g.floor + g.rtol * abs(seen[k]))
+            q = (seen[k] - between(out[k])) * (weight / (g.floor + g.rtol * abs(seen[k])))
             worst = max(worst, largest(q * q * STAGE_MASK))
     return math.sqrt(worst)
 

@@ -98,3 +98,49 @@ def _nothing():
     from contextlib import nullcontext
 
     return nullcontext()
+
+
+JUMPS = {
+    "a step reference": (
+        """
+        agent Loop() {
+          write real x = 0, z = 0;
+          write real u;
+          alge { u = 0.2*((if time < T0 then 0 else 100) - x) + z; }
+          diff { x' = (50*u - x)*1 [1/s]; z' = 2*((if time < T0 then 0 else 100) - x)*1 [1/s]; }
+        }
+        agent Stage() { read real u; write real y = 0; diff { y' = (u - y)/(0.5 [ms]); } }
+        agent Top() {
+          level loop { agent loop = Loop(); }
+          level stage { agent stage = Stage() [u := loop.u]; }
+        }
+        """
+    ),
+    "a jumping acceleration": (
+        """
+        agent Lead() { write real v = 0, a; alge { a = if time < T0 then 1 else -1; } diff { v' = a*1 [1/s]; } }
+        agent Follow() { read real a; write real v = 0; diff { v' = a*1 [1/s]; } }
+        agent Top() {
+          level lead { agent lead = Lead(); }
+          level follow { agent f = Follow() [a := lead.a]; agent g = Follow() [a := lead.v'*1 [s]]; }
+        }
+        """
+    ),
+}
+
+
+@pytest.mark.filterwarnings("ignore:warning.W013")
+@pytest.mark.parametrize("method", ["radau5", "radau9", "radau13", "auto"])
+@pytest.mark.parametrize("start", [0.1, 1.2345])
+@pytest.mark.parametrize("text", JUMPS.values(), ids=JUMPS.keys())
+def test_a_jump_of_what_other_groups_read(text: str, start: float, method: str) -> None:
+    """However small the step, no polynomial is near a jump; the run goes through it, and readers feel no more of it than they may."""
+    model = hierc.load(text.replace("T0", f"{start} [s]"))
+    x = model.initial()
+    for begin, end in ((0.0, start), (start, 3.0)):
+        inside = (begin + 1e-12, end - 1e-12)
+        x = solve_ivp(model.rhs, inside, x, "Radau", rtol=1e-11, atol=1e-13).y[:, -1]
+    for tolerance in (1e-3, 1e-5, 1e-7):
+        result = model.simulate(stop=3.0, rtol=tolerance, atol=tolerance, method=method)
+        found = np.array([result[name][-1] for name in model.states])
+        assert np.abs(found - x).max() <= 10 * tolerance * max(1.0, np.abs(x).max())
