@@ -79,7 +79,9 @@ def diagram(model: Model) -> Diagram:
     }
     read_by = map(_continuous, model.nodes, _algebraic(model, elements))
     sources = [_by_owner(read, node.count, elements) for read, node in zip(read_by, model.nodes, strict=True)]
-    blocks = _blocks(held, sources)
+    inner = _folded(model, sources)
+    blocks = [[n for n in block if n not in inner] for block in _blocks(held, sources)]
+    blocks = [block for block in blocks if block]
     block_of = {node: index for index, block in enumerate(blocks) for node in block}
     places = {node: place for place, node in enumerate(node for block in blocks for node in block)}
     names = _Names(model, elements)
@@ -102,6 +104,25 @@ def diagram(model: Model) -> Diagram:
     groups = tuple(spelled(group.name, group.indices) for group in model.groups)
     count = sum(group.count for group in model.groups)
     return Diagram(model.name, model.file, model.experiment.name, groups, members, count)
+
+
+def _folded(model: Model, sources: list[dict[int, dict[Scalar, Integers]]]) -> set[int]:
+    """Make one node, the last, of all those that join the same thing over many agents: it reads what they read. Returns the others."""
+    joined: dict[str, list[int]] = {}
+    for node in model.nodes:
+        if not node.states and " " in node.path:  # no name of a user's: a sum or the like
+            joined.setdefault(node.path, []).append(node.id)
+    inner: set[int] = set()
+    for *others, last in joined.values():
+        inner.update(others)
+        for other in others:
+            for owner, read in sources[other].items():
+                scalars = sources[last].setdefault(owner, {})
+                for scalar, numbers in read.items():
+                    scalars[scalar] = np.union1d(scalars.get(scalar, numbers), numbers)
+        for other in others:
+            sources[last].pop(other, None)
+    return inner
 
 
 def _held(group: Group, elements: Elements) -> list[int]:

@@ -56,6 +56,10 @@ def _rest_of_sign(at: Situation, start: int) -> Repair:
 
 
 def _sign_problem(at: Situation, place: Span, instead: str) -> Problem:
+    if place.text == "\\":  # of MATLAB: no edit can tell the two apart
+        return errors.UnexpectedCharacter(
+            place, place.text, ("write `solve(M, b)` where `M\\b` is meant, or `/` to divide",)
+        )
     advice = "a power is written `^`" if instead == "^" else f"write `{instead.strip()}`"
     return errors.UnexpectedCharacter(place, place.text, (advice,), at.edit(instead, place.start, place.stop))
 

@@ -13,6 +13,7 @@ from hierc.cli import main
 from hierc.compiler.diagram import Diagram, diagram
 from hierc.compiler.driver import model_of
 from hierc.compiler.model import Model
+from hierc.grammar.source import SourceFile
 from hierc.graph import ASCII, UNICODE, marks_for, to_dot, to_json, to_text
 from hierc.loader import packaged_models, read
 
@@ -252,3 +253,18 @@ def test_a_picture_tells_what_an_array_reads_of_itself() -> None:
 
     texts = [text.get_text() for text in draw(diagram(model_named(PLATOON)), None).axes[0].texts]
     assert texts == ["1 state", "1 state", "v", "1 state each", "v", "v"]
+
+
+def test_a_sum_over_many_agents_is_one_row() -> None:
+    text = """
+    agent Lag() { write real y = 0; diff { y' = 1 - y; } }
+    agent Top() {
+      agent lag[i in 1..2000] = Lag();
+      write real total;
+      alge { total = sum(lag.y); }
+    }
+    """
+    members = diagram(model_of(SourceFile("sum.hier", text))).members
+    (total,) = (m for m in members if m.path == "sum of lag.y")
+    assert [name for reading in total.reads for name in reading.names] == ["lag[1..2000].y"]
+    assert len(members) == 3
