@@ -292,15 +292,13 @@ def test_initial_values_along_an_array() -> None:
 # ---- from outside ---------------------------------------------------------------------------------------------------------------------
 
 
-def test_a_subscript_after_a_single_agent() -> None:
+@pytest.mark.parametrize("path", ["row[2].one[1].k", "row.one[1].k"])
+def test_a_subscript_after_a_single_agent(path: str) -> None:
     text = LAG + "agent Row() { agent one = Lag() [u := 1]; } agent Top() { agent row[i in 1..3] = Row(); }"
-    for path, code in (("row[2].one.k", None), ("row[2].one[1].k", "E806"), ("row.one[1].k", "E806")):
-        try:
-            model_of(SourceFile("test.hier", text), "Top", {path: 2.0})
-        except ModelError as error:
-            assert [problem.code for problem in error.problems] == [code]
-        else:
-            assert code is None
+    assert model_of(SourceFile("test.hier", text), "Top", {"row[2].one.k": 2.0}).nodes
+    with pytest.raises(ModelError) as caught:
+        model_of(SourceFile("test.hier", text), "Top", {path: 2.0})
+    assert [problem.code for problem in caught.value.problems] == ["E806"]
 
 
 def test_a_misspelt_parameter_of_one_element() -> None:
