@@ -31,7 +31,9 @@ def structural_parameters(library: Library) -> Mapping[str, frozenset[str]]:
         for sub in agent.subs.values():
             names.update(_choices(sub.instance, agent))
             inner = found[sub.instance.agent.text]
-            names.update(n for arg in sub.instance.args if arg.name.text in inner for n in _names(arg.value))
+            index = sub.instance.index.index.text if sub.instance.index is not None else None
+            fixed = [arg.value for arg in sub.instance.args if arg.name.text in inner]
+            names.update(name for value in fixed for name in _names(value) if name != index)
         found[name] = _closure(agent, names)
     return found
 
@@ -64,22 +66,22 @@ def _expressions(agent: Agent) -> Iterator[tree.Expr]:
     yield from (let.let.value for let in agent.lets.values())
     yield from (param.default for param in agent.params.values() if param.default is not None)
     for equation in agent.equations:
-        yield equation.equation.value
+        target, over = equation.equation.target, equation.over
         # As a target stands in a reference, its subscripts count as fixed.
-        target = equation.equation.target
-        yield tree.Ref(
-            target.span, tree.Path(target.span, (tree.Step(target.span, target.name, target.subs),)), False
-        )
-        if equation.over is not None:
-            over = equation.over
-            yield tree.Comprehension(over.span, tree.Bool(over.span, True), over)
+        step = tree.Step(target.span, target.name, target.subs)
+        place = tree.Ref(target.span, tree.Path(target.span, (step,)), False)
+        yield from (_over(e, over) for e in (equation.equation.value, place))
     for sub in agent.subs.values():
-        yield from (arg.value for arg in sub.instance.args)
-        yield from (bind.value for bind in sub.instance.bindings)
+        given = [arg.value for arg in sub.instance.args] + [bind.value for bind in sub.instance.bindings]
+        yield from (_over(value, sub.instance.index) for value in given)
         if sub.instance.index is not None:
-            index = sub.instance.index
-            yield tree.Comprehension(index.span, tree.Bool(index.span, True), index)
+            yield _over(tree.Bool(sub.instance.index.span, True), sub.instance.index)
     yield from (invariant.condition for invariant in agent.invariants)
+
+
+def _over(expr: tree.Expr, over: tree.Over | None) -> tree.Expr:
+    """An expression in which the index of a `for` or of an array is bound; it may hide a parameter."""
+    return expr if over is None else tree.Comprehension(over.span, expr, over)
 
 
 def _type_names(agent: Agent) -> Iterator[str]:
@@ -108,8 +110,9 @@ def _free(here: Visit) -> bool:
 
 def _choices(instance: tree.Instance, agent: Agent) -> Iterator[str]:
     """Names in conditions of couplings that are made of whole numbers and flags only: they choose what is coupled."""
+    bound = frozenset({instance.index.index.text}) if instance.index is not None else frozenset[str]()
     for bind in instance.bindings:
-        for here in visit(bind.value):
+        for here in visit(bind.value, bound):
             if isinstance(here.node, tree.Cond):
                 used = [n for n in _names(here.node.condition) if n not in here.bound]
                 timeless = not any(isinstance(v.node, tree.Time) for v in visit(here.node.condition))

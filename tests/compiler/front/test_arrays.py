@@ -502,3 +502,18 @@ def test_agents_that_need_each_other_in_every_element_are_one_family() -> None:
            agent Top() { agent r[i in 1..50] = Pair(c = i) [g := if i == 1 then 0 else r[i - 1].o]; }"""
     )
     assert names(made) == [("r[].p+r[].q", 1), ("r[].p+r[].q", 49)]
+
+
+def test_an_index_may_hide_a_parameter() -> None:
+    """Then the parameter is not structural: what the index chooses is known without it."""
+    made = model(
+        """agent Row(real i = 1) {
+             write real[3] q = zeros(3);
+             diff { for i in 1..3 { q[i]' = -q[i]*1 [1/s]; } }
+           }
+           agent Top(real k = 2) {
+             agent row[j in 1..4] = Row(i = 1/j);
+             agent lag[k in 1..4] = Lag() [u := row[k].q[1]];
+           }"""
+    )
+    assert {p.path for p in made.parameters if p.structural} == set()
