@@ -173,7 +173,7 @@ class Assignment:
             else:
                 alike.setdefault(tuple(owner[part].tolist()), []).append(part)
         for members, sets in alike.items():
-            table = np.stack(sets)
+            table = np.stack(sorted(sets, key=lambda part: int(part[0])))
             name = "+".join(labels.names[k].name for k in members)
             indices = [
                 column[place[table[:, m]]]

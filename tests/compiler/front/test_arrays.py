@@ -491,17 +491,20 @@ def test_one_element_has_one_shape() -> None:
 
 
 def test_agents_that_need_each_other_in_every_element_are_one_family() -> None:
-    made = model(
-        """agent Pair(real c = 1) {
+    pair = """agent Pair(real c = 1) {
              read real g;
              agent p = Lag(k = c*1 [1/s]) [u := q.x + g];
              agent q = Lag() [u := -p.x];
              write real o;
              alge { o = p.x; }
-           }
-           agent Top() { agent r[i in 1..50] = Pair(c = i) [g := if i == 1 then 0 else r[i - 1].o]; }"""
-    )
-    assert names(made) == [("r[].p+r[].q", 1), ("r[].p+r[].q", 49)]
+           }"""
+    for chain in (
+        "if i == 1 then 0 else r[i - 1].o",
+        "if i == 50 then 0 else r[i + 1].o",
+        "if i == 1 then 0 else i",
+    ):
+        made = model(f"{pair} agent Top() {{ agent r[i in 1..50] = Pair(c = i) [g := {chain}]; }}")
+        assert sorted(names(made)) == [("r[].p+r[].q", 1), ("r[].p+r[].q", 49)]
 
 
 def test_an_index_may_hide_a_parameter() -> None:
