@@ -173,7 +173,8 @@ class Assignment:
             else:
                 alike.setdefault(tuple(owner[part].tolist()), []).append(part)
         for members, sets in alike.items():
-            table = np.stack(sorted(sets, key=lambda part: int(part[0])))
+            rising = sorted(sets, key=_first)
+            table = np.stack(rising)
             name = "+".join(labels.names[k].name for k in members)
             indices = [
                 column[place[table[:, m]]]
@@ -274,6 +275,10 @@ class Assignment:
 
     def _refuse(self, span: Span, pattern: str, reason: str) -> None:
         self._problems.add(NoSuchMember(span, pattern=pattern, reason=reason))
+
+
+def _first(part: Integers) -> int:
+    return int(part[0])
 
 
 def _without(groups: NamedGroups, joined: NDArray[np.bool_]) -> NamedGroups:
