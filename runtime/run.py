@@ -134,7 +134,7 @@ class Engine:
             )
         if not np.isfinite(x).all():
             return _bad_start(system, x, start, stop)
-        simulation = self._begin(system, chosen, start, stop, announce)
+        simulation = self._begin(system, chosen, x, start, stop, announce)
         status = simulation.advance(progress, most_steps)
         trajectories = simulation.trajectories()
         warnings = (*self._slow(simulation.program), *self._excursions(system, start, trajectories))
@@ -144,13 +144,14 @@ class Engine:
         self,
         system: System,
         chosen: Settings,
+        initial: Floats,
         start: float,
         stop: float,
         announce: Announce | None,
     ) -> Simulation:
         """A run about to begin, its methods chosen. Where the probe's methods stay, the probe is the run's beginning."""
         tried = tuple(replace(s, method=choice.FAVOURITE) if s.method == AUTO else s for s in chosen.distinct)
-        probe = Simulation(self, system, Settings(tried, chosen.of), start, stop, announce)
+        probe = Simulation(self, system, Settings(tried, chosen.of), initial, start, stop, announce)
         if all(s.method != AUTO for s in chosen.distinct):
             return probe
         try:
@@ -160,7 +161,7 @@ class Engine:
             return probe  # going on with it tells of the failure
         if decided.methods == probe.settings.methods:
             return probe
-        return Simulation(self, system, decided, start, stop, announce)
+        return Simulation(self, system, decided, initial, start, stop, announce)
 
     def _decide(self, chosen: Settings, probe: Simulation) -> Settings:
         """The settings with methods for those that leave it to us, the same for all groups of a wiring that are set alike."""

@@ -78,13 +78,14 @@ class Settings:
 
 
 class Simulation:
-    """A run under way. `groups` and `run` are the kernel's memory; arrays they point to are kept here."""
+    """A run under way, from the states `initial` (n,) on. `groups` and `run` are the kernel's memory; arrays they point to are kept here."""
 
     def __init__(
         self,
         engine: Engine,
         system: System,
         settings: Settings,
+        initial: Floats,
         start: float,
         stop: float,
         announce: Announce | None = None,
@@ -96,7 +97,7 @@ class Simulation:
         self.layout = engine.layout(settings.methods)
         self.memory = Memory(self.layout)
         self.groups = self.memory.groups
-        self.initial = system.initial(start)
+        self.initial = initial
         self._fill(self.memory.arrays)
         count = self.elements.groups
         room = max(_FIRST_BYTES // (8 * int(self.layout.strides.sum()) or 1), _LEAST_ROOM)

@@ -180,7 +180,7 @@ def beside(model: Model, methods: Sequence[str], attempts: int) -> None:
     overrides = {name: {"method": method} for name, method in zip(names, methods, strict=True)}
     overrides[names[0]]["max_step"] = 0.04
     chosen = group_settings(model.engine.elements, model.engine.wiring, settings, overrides)
-    simulation = Simulation(model.engine, model.system(), chosen, 0.0, 0.5)
+    simulation = Simulation(model.engine, model.system(), chosen, model.initial(), 0.0, 0.5)
     groups = [python_group(simulation, g) for g in range(len(names))]
     run = SimpleNamespace(**{k: simulation.run[k][0].item() for k in records.Run.fields()})
     run.budget = attempts
