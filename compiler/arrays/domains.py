@@ -36,13 +36,6 @@ class Domain:
             at = at.outer
         return places
 
-    def inside(self, ancestor: Domain) -> bool:
-        """Whether `ancestor` is this domain or one around it."""
-        at: Domain | None = self
-        while at is not None and at is not ancestor:
-            at = at.outer
-        return at is not None
-
 
 SINGLE = Domain(1, None, np.zeros(1, np.int64), ())
 

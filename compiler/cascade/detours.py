@@ -37,10 +37,16 @@ class Detour:
     back: Span
 
 
+def reads(here: LocalNode) -> Iterator[tuple[int, Scalar, Span]]:
+    """What the continuous equations of a node read: the input, the scalar, and where."""
+    for k in range(here.continuous):
+        for source in here.touched[k]:
+            yield k, source, here.node.input_spans[k]
+
+
 def continuous(here: LocalNode) -> list[tuple[Scalar, Span]]:
     """What the continuous equations of a node read, and where."""
-    spans = here.node.input_spans
-    return [(source, spans[k]) for k in range(here.continuous) for source in here.touched[k]]
+    return [(source, span) for _, source, span in reads(here)]
 
 
 def inputs_behind(node: Node, definition: int) -> list[int]:

@@ -17,6 +17,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from hierc.compiler.arrays.columns import Integers, expanded
+from hierc.compiler.arrays.elements import Elements
 from hierc.compiler.cascade.detours import inputs_behind
 from hierc.compiler.model import Source
 from hierc.compiler.structure.nodes import LocalNode
@@ -87,7 +88,7 @@ class _Builder:
         self._labels = labels
         self._count = count
         self._vertices = count
-        self._firsts = np.array([here.node.first for here in nodes], np.int64)
+        self._elements = Elements(here.node.first for here in nodes)
         self._definitions: dict[tuple[int, int], int] = {}
         self._waiting: list[tuple[int, int]] = []
         self._edges: list[tuple[Integers, Integers, int]] = []
@@ -124,10 +125,12 @@ class _Builder:
         if len(stateless):
             targets = targets.copy()
             indices = expanded(source.index, count)
-            blocks = np.searchsorted(self._firsts, elements, side="right") - 1
+            blocks = self._elements.blocks(elements)
             for block, index in {(int(blocks[k]), int(indices[k])) for k in stateless.tolist()}:
                 mask = (targets < 0) & (blocks == block) & (indices == index)
-                targets[mask] = self._definition(block, index) + elements[mask] - self._firsts[block]
+                targets[mask] = (
+                    self._definition(block, index) + elements[mask] - self._nodes[block].node.first
+                )
         return targets
 
     def _definition(self, block: int, index: int) -> int:

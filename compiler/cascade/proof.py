@@ -1,18 +1,18 @@
 """Cascade: who depends on whom, and the proof that no level depends on a later one.
 
-In: the nodes. Out: a `Cascade`: for each node what its equations read, down to the nodes with states. Guaranteed, unless E601 or E606 was
+In: the nodes. Out: a `Cascade`: for each node what its equations read. Guaranteed, unless E601 or E606 was
 reported: in every agent with levels, and in every level with levels, none of them depends continuously on a later one, not even by way of what stands
 elsewhere. Dependence is what equations use after substitution: an unused `read` makes none, and initial values make none.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hierc.compiler.arrays.columns import expanded
 from hierc.compiler.arrays.elements import plain
-from hierc.compiler.cascade.detours import Detour, behind, continuous, detours
+from hierc.compiler.cascade.detours import Detour, continuous, detours, reads
 from hierc.compiler.cascade.errors import BrokenCascade, LaterDerivative
 from hierc.compiler.collector import Collector
 from hierc.compiler.structure.flat import FlatNode
@@ -23,24 +23,14 @@ from hierc.grammar.source import Span
 
 
 @dataclass(frozen=True, slots=True)
-class Reads:
-    """A node reads `source`, a node with states, at `span`, perhaps by way of nodes without states."""
-
-    source: int
-    span: Span
-
-
-@dataclass(frozen=True, slots=True)
 class Cascade:
     """For each node the nodes that its continuous equations use.
 
-    `direct`: as they are written; `computed`: those of which they use definitions or derivatives; `reads`, for nodes with states: those
-    with states.
+    `direct`: as they are written; `computed`: those of which they use definitions or derivatives.
     """
 
     direct: tuple[tuple[int, ...], ...]
     computed: tuple[tuple[int, ...], ...]
-    reads: tuple[tuple[Reads, ...], ...]
 
 
 def prove_cascade(
@@ -52,7 +42,7 @@ def prove_cascade(
     """The dependences of the nodes; reports every read of a later level."""
     for here in nodes:
         reported: set[str | None] = set()
-        for k, source, span in _reads(here):
+        for k, source, span in reads(here):
             reader, owner = flat_nodes[here.node.id], flat_nodes[source.node]
             problem = _broken(instances, reader, owner, source, span)
             if problem is not None and here.node.count > 1:
@@ -69,16 +59,7 @@ def prove_cascade(
         tuple(dict.fromkeys(source.node for source, _ in continuous(here) if source.kind != "state"))
         for here in nodes
     )
-    return Cascade(
-        direct, computed, tuple(tuple(_origins(here, nodes)) if here.node.states else () for here in nodes)
-    )
-
-
-def _reads(here: LocalNode) -> Iterator[tuple[int, Scalar, Span]]:
-    """What the continuous equations of a node read: the input, the scalar, and where."""
-    for k in range(here.continuous):
-        for source in here.touched[k]:
-            yield k, source, here.node.input_spans[k]
+    return Cascade(direct, computed)
 
 
 def _same_element(
@@ -97,22 +78,6 @@ def _same_element(
     inside = (read >= 0) & (read < there.node.count)
     own = reader.instance.domain.within(around)
     return bool((owner.instance.domain.within(around)[read[inside]] == own[inside]).any())
-
-
-def _origins(here: LocalNode, nodes: Sequence[LocalNode]) -> list[Reads]:
-    """The nodes with states that `here` reads, each once, with the first place where it does."""
-    found: dict[int, Span] = {}
-    for source, span in continuous(here):
-        seen: set[Scalar] = set()
-        waiting = [source]
-        while waiting:
-            at = waiting.pop()
-            if nodes[at.node].node.states:
-                found.setdefault(at.node, span)
-            elif at not in seen:
-                seen.add(at)
-                waiting += [source for source, _ in behind(nodes[at.node], at)]
-    return [Reads(source, span) for source, span in found.items()]
 
 
 def _broken(

@@ -67,8 +67,26 @@ class Gathering(Protocol):
         ...
 
 
+class NoAgents:
+    """Base of scopes without agents: there is nothing to sum over."""
+
+    __slots__ = ()
+
+    def reduced(
+        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
+    ) -> Value | None:
+        """See `Scope`."""
+        return None
+
+    def reduced_over(
+        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
+    ) -> Value | None:
+        """See `Scope`."""
+        return None
+
+
 @dataclass(frozen=True, slots=True)
-class Values:
+class Values(NoAgents):
     """A scope of values by name. `refused` has names with a problem that is reported where they are used; a name that is missing
     altogether had one that was reported.
     """
@@ -82,18 +100,6 @@ class Values:
         if value is None:
             raise self.refused.get(ref.path.text, Rejected())
         return value.at(ref.span)
-
-    def reduced(
-        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
-    ) -> Value | None:
-        """See `Scope`: there are no agents here."""
-        return None
-
-    def reduced_over(
-        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
-    ) -> Value | None:
-        """See `Scope`: there are no agents here."""
-        return None
 
 
 class Budget:

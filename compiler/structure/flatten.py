@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hierc.compiler.arrays.columns import Integers, column, taken
+from hierc.compiler.arrays.columns import Integers, column
 from hierc.compiler.arrays.domains import Domain
 from hierc.compiler.collector import Rejected
 from hierc.compiler.context import Context
@@ -30,7 +30,7 @@ from hierc.compiler.shapes.values import Shape, Value, element_names, index_valu
 from hierc.compiler.structure.fan_in import FanIns
 from hierc.compiler.structure.flat import Flat, FlatDefinition, FlatState
 from hierc.compiler.structure.instances import Instance
-from hierc.compiler.structure.parameters import Parameters, index_of_elements
+from hierc.compiler.structure.parameters import Parameters, index_of_elements, moved
 from hierc.compiler.structure.paths import Gift, elements, in_order
 from hierc.compiler.structure.scope import InstanceScope, Kind, View
 from hierc.compiler.structure.storage import Storage, StoredGathering, allocate
@@ -136,17 +136,22 @@ class _Flattener:
     def _environment(self, at: Instance, around: Instance | None = None) -> Environment:
         """The scope of an agent for its own equations, or that of the agent `around` it for its couplings."""
 
-        def define(name: str, expr: Expr) -> Expr:
-            return self._define(name, at, expr, expr.span or at.agent.definition.span, hidden=True)
-
         scope = InstanceScope(self, at if around is None else around)
-        gathering = StoredGathering(self.storage, self._parameters.tables) if at.domain.count > 1 else None
-        env = replace(self._file, scope=scope, sharing=Sharing(define), gathering=gathering)
+        env = self._used_by(at, scope, self._file)
         if around is None or at.instance is None or at.instance.index is None:
             return env
         index = at.instance.index.index.text
         view = View(at.domain, at.domain.places, index)
         return replace(env, scope=replace(scope, view=view)).bind(index, index_of_elements(at.domain))
+
+    def _used_by(self, at: Instance, scope: InstanceScope, env: Environment) -> Environment:
+        """`env` with the names of a scope, for expressions that the elements of `at` use."""
+
+        def define(name: str, expr: Expr) -> Expr:
+            return self._define(name, at, expr, expr.span or at.agent.definition.span, hidden=True)
+
+        gathering = StoredGathering(self.storage, self._parameters.tables) if at.domain.count > 1 else None
+        return replace(env, scope=scope, sharing=Sharing(define), gathering=gathering)
 
     def brought(self, value: Value, view: View) -> Value:
         """See `scope.Owner`. What is the same for all elements stays as it is; a `let` of an agent that has several elements is copied."""
@@ -167,9 +172,8 @@ class _Flattener:
                 if storage.nodes[state.node].instance.domain.count == 1:
                     return leaf
                 return Gather(leaf.span, kind, column(state.first + places))
-            case Gather(at=at):
-                moved = taken(at, places)
-                return index_value(moved, leaf.span) if leaf.kind == "index" else replace(leaf, at=moved)
+            case Gather():
+                return moved(leaf, places)
             case Local(index=index):
                 return self._copied(leaf, index, view)
             case _:
@@ -208,15 +212,8 @@ class _Flattener:
 
     def spread(self, scope: InstanceScope, env: Environment) -> Environment:
         """See `scope.Owner`."""
-        view = scope.view
-        assert view is not None
-        at = replace(scope.instance, domain=view.domain)
-
-        def define(name: str, expr: Expr) -> Expr:
-            return self._define(name, at, expr, expr.span or at.agent.definition.span, hidden=True)
-
-        gathering = StoredGathering(self.storage, self._parameters.tables)
-        return replace(env, scope=scope, sharing=Sharing(define), gathering=gathering)
+        assert scope.view is not None
+        return self._used_by(replace(scope.instance, domain=scope.view.domain), scope, env)
 
     def computed(self, expr: Expr, around: Instance, domain: Domain, span: Span) -> Integers:
         """See `scope.Owner`."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.compiler import expression, model
-from hierc.compiler.arrays.columns import Column, Index, Integers, column, taken
+from hierc.compiler.arrays.columns import Column, Integers, column, taken
 from hierc.compiler.arrays.domains import Domain
 from hierc.compiler.arrays.elements import plain
 from hierc.compiler.arrays.errors import StructuralElement
@@ -24,7 +24,7 @@ from hierc.compiler.expression import Choose, Expr, Gather
 from hierc.compiler.resolve.constants import ByName, agent_constants, literal, measured
 from hierc.compiler.resolve.outside import Given, outside_value
 from hierc.compiler.resolve.structural import structural_parameters
-from hierc.compiler.shapes.environment import Chosen, Environment, Reduction, Scope, Values
+from hierc.compiler.shapes.environment import Chosen, Environment, NoAgents, Scope, Values
 from hierc.compiler.shapes.evaluate import declared_shape, evaluate, expected
 from hierc.compiler.shapes.terms import rewritten
 from hierc.compiler.shapes.values import Shape, Value, index_value, scalar_of, size_of
@@ -83,7 +83,7 @@ class Parameters:
 
 
 @dataclass(frozen=True, slots=True)
-class Brought:
+class Brought(NoAgents):
     """The parameters of an agent, as the elements of an array inside it use them; `places`: where these stand in the agent's own domain."""
 
     scope: Scope
@@ -94,29 +94,16 @@ class Brought:
         value = self.scope.lookup(ref, chosen)
         return replace(value, elements=tuple(brought(e, self.places) for e in value.elements))
 
-    def reduced(
-        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
-    ) -> Value | None:
-        """See `evaluate.Scope`: parameters are no agents."""
-        return None
-
-    def reduced_over(
-        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
-    ) -> Value | None:
-        """See `evaluate.Scope`: parameters are no agents."""
-        return None
-
 
 def brought(expr: Expr, places: Integers) -> Expr:
     """An expression of parameters and indices, as elements at some places have it."""
+    return rewritten(expr, lambda leaf: moved(leaf, places) if isinstance(leaf, Gather) else leaf)
 
-    def leaf(e: Expr) -> Expr:
-        if not isinstance(e, Gather):
-            return e
-        at = taken(e.at, places)
-        return index_value(at, e.span) if e.kind == "index" else replace(e, at=at)
 
-    return rewritten(expr, leaf)
+def moved(leaf: Gather, places: Integers) -> Expr:
+    """What elements gather, as others at some places among them have it."""
+    at = taken(leaf.at, places)
+    return index_value(at, leaf.span) if leaf.kind == "index" else replace(leaf, at=at)
 
 
 class ParameterBuilder:
