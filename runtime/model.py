@@ -18,6 +18,7 @@ from hierc.runtime.paths import Catalogue
 from hierc.runtime.result import Interrupted, Result, SimulationError
 from hierc.runtime.run import Engine
 from hierc.runtime.system import System
+from hierc.runtime.verification import check_verifiable, verified
 
 Floats = NDArray[np.float64]
 _SETTINGS = {"start": 0.0, "rtol": 1e-6, "method": "auto", "max_step": math.inf, "min_step": 0.0}
@@ -142,13 +143,15 @@ class Model:
         max_step: float | None = None,
         min_step: float | None = None,
         most_steps: int | None = None,
+        verify: bool = False,
         progress: Callable[[float], None] | None = None,
         announce: Callable[[str], None] | None = None,
     ) -> Result:
         """Integrate from `start` to `stop` (s), each group at its own step.
 
         What is left out is taken from the experiment, then from the defaults (rtol 1e-6, atol = rtol, method "auto"). `params` replaces
-        parameters by path. Raises SettingError for settings that do not fit; SimulationError, with the partial result, if the run fails;
+        parameters by path. `verify` has it run again ten times tighter: the error is then in `Result.verification`.
+        Raises SettingError for settings that do not fit; SimulationError, with the partial result, if the run fails;
         Interrupted, with the partial result too, on Ctrl-C. Warns (RunWarning) of tables used outside their grids, and of slow externs.
         """
         given = {
@@ -162,7 +165,10 @@ class Model:
         if atol is None and (rtol is not None or "atol" not in self.plan.experiment.settings):
             chosen["atol"] = chosen["rtol"]
         system = self.system(params) if params else self._own
-        finished = self.engine.run(system, chosen, self._overrides(given), most_steps, progress, announce)
+        groups = self._overrides(given)
+        if verify:
+            check_verifiable(chosen, groups)
+        finished = self.engine.run(system, chosen, groups, most_steps, progress, announce)
         for text in finished.warnings:
             warnings.warn(text, RunWarning, stacklevel=2)
         shown = {k: v for k, v in chosen.items() if k != "interval" or v is not None}
@@ -176,6 +182,10 @@ class Model:
             raise Interrupted(result)
         if not finished.status.ok:
             raise SimulationError(result)
+        if verify:
+            result.verification = verified(
+                self.engine, finished, chosen, groups, progress=progress, announce=announce
+            )
         return result
 
     def _overrides(self, given: Mapping[str, object]) -> dict[str, dict[str, Any]]:

@@ -11,20 +11,23 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hierc.runtime.columns import median
 from hierc.runtime.contract import Plan, Variable
-from hierc.runtime.elements import Elements, expand, expanded
+from hierc.runtime.elements import Elements, expanded
 from hierc.runtime.errors import SettingError
 from hierc.runtime.families import FamilyStats, family_statistics
-from hierc.runtime.observation import catalogue
+from hierc.runtime.observation import Variables
 from hierc.runtime.paths import PathError, Selection
 from hierc.runtime.status import Status
 from hierc.runtime.trajectory import GroupTrajectory
+
+if TYPE_CHECKING:
+    from hierc.runtime.verification import Verification
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -45,6 +48,10 @@ class Run(Protocol):
     @property
     def plan(self) -> Plan:
         """The model's tables."""
+
+    @property
+    def variables(self) -> Variables:
+        """Its variables by name."""
 
     @property
     def start(self) -> float:
@@ -136,7 +143,7 @@ class Result:
         params: Mapping[str, object],
     ) -> None:
         self._run = run
-        self._catalogue = catalogue(run.plan)
+        self._catalogue = run.variables.catalogue
         #: Output times, s: every `interval` from the start, and the end.
         self.t: Floats = _shared(output_times(run.start, run.t_reached, interval))
         self._values: dict[str, Floats] = {TIME: self.t}
@@ -144,6 +151,8 @@ class Result:
         self.settings: Mapping[str, object] = settings
         #: The parameters that were set for this run, by path.
         self.params: Mapping[str, object] = params
+        #: The error as a tighter run shows it, where that was asked for.
+        self.verification: Verification | None = None
 
     @property
     def model(self) -> str:
@@ -213,9 +222,9 @@ class Result:
         """Declared unit of a variable, or of an element of it. Raises KeyError for an unknown name."""
         return "s" if name == TIME else self._variable(self._find(name)).unit
 
-    @cached_property
+    @property
     def _elements(self) -> Elements:
-        return expand(self._run.plan)
+        return self._run.variables.elements
 
     @cached_property
     def _group_names(self) -> list[str]:
@@ -405,8 +414,20 @@ def output_times(start: float, stop: float, interval: float | None) -> Floats:
     """`start`, every `interval` after it, and `stop`; 500 equal parts without an interval. Raises SettingError."""
     if stop <= start:
         return np.array([start], dtype=np.float64)
+    check_interval(start, stop, interval)
     if interval is None:
         return np.linspace(start, stop, PARTS + 1, dtype=np.float64)
+    ratio = (stop - start) / interval
+    whole = round(ratio) if abs(ratio - round(ratio)) < 1e-9 * max(ratio, 1.0) else int(ratio) + 1
+    times: Floats = start + interval * np.arange(whole + 1, dtype=np.float64)
+    times[-1] = stop
+    return times
+
+
+def check_interval(start: float, stop: float, interval: float | None) -> None:
+    """Refuse an impossible interval between output times. Raises SettingError."""
+    if interval is None:
+        return
     if not interval > 0:
         raise SettingError(f"the output interval must be a positive number, not {interval!r}")
     ratio = (stop - start) / interval
@@ -414,10 +435,6 @@ def output_times(start: float, stop: float, interval: float | None) -> Floats:
         raise SettingError(
             f"an output interval of {interval!r} s gives {ratio:.3g} output times; the most is {MOST_TIMES}"
         )
-    whole = round(ratio) if abs(ratio - round(ratio)) < 1e-9 * max(ratio, 1.0) else int(ratio) + 1
-    times: Floats = start + interval * np.arange(whole + 1, dtype=np.float64)
-    times[-1] = stop
-    return times
 
 
 def _statistics(group: GroupTrajectory, states: int) -> GroupStats:

@@ -21,9 +21,9 @@ from hierc.runtime.layout import Layout, cohorts
 from hierc.runtime.machine.forms import Wiring, wire
 from hierc.runtime.machine.program import Announce, Program, build
 from hierc.runtime.methods.catalogue import METHODS
-from hierc.runtime.observation import evaluate
+from hierc.runtime.observation import Variables, evaluate
 from hierc.runtime.paths import Catalogue, PathError
-from hierc.runtime.result import output_times
+from hierc.runtime.result import check_interval
 from hierc.runtime.simulation import GroupSettings, Settings, Simulation, tighten
 from hierc.runtime.status import Status
 from hierc.runtime.system import System
@@ -48,6 +48,7 @@ AUTO = "auto"
 class FinishedRun:
     """What a run leaves, as `Result` wants it."""
 
+    variables: Variables
     system: System
     start: float
     stop: float
@@ -66,7 +67,7 @@ class FinishedRun:
 
         A name stands for a variable, of some or all elements of an array (see `paths`), whose numbers then go before its shape.
         """
-        return evaluate(self.system, self.groups, names, t)
+        return evaluate(self.variables, self.system, self.groups, names, t)
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,15 @@ class Engine:
         """How the groups are connected."""
         return wire(self.elements)
 
+    @cached_property
+    def variables(self) -> Variables:
+        """The plan's variables by name."""
+        return Variables(self.elements)
+
+    @cached_property
+    def _tightened(self) -> tuple[list[float], Integers]:
+        return tighten(self.elements, self.wiring, *TIGHTEN)
+
     def layout(self, methods: Sequence[str]) -> Layout:
         """Where the memory lies of runs with these methods, one a group."""
         key = tuple(methods)
@@ -103,6 +113,21 @@ class Engine:
             ]
             self.programs[key] = build(self.plan.classes, wanted, announce)
         return self.programs[key]
+
+    def group_settings(
+        self, settings: Mapping[str, Any], groups: Mapping[str, Mapping[str, Any]]
+    ) -> Settings:
+        """Settings of every group, checked, its tolerances tightened for those who read it. Raises ValueError.
+
+        A name in `groups` stands for one group, `car[3]`, or for several, `car`; the one that means fewer goes before.
+        """
+        factors, depths = self._tightened
+        variants, of = own_settings(self.elements, groups)
+        pairs, labels = labelled(of * len(factors) + depths)
+        made = []
+        for variant, depth in (divmod(pair, len(factors)) for pair in pairs.tolist()):
+            made.append(_settings({**settings, **variants[variant]}, variants[variant], factors[depth]))
+        return Settings(tuple(made), labels)
 
     def run(
         self,
@@ -121,24 +146,28 @@ class Engine:
         start, stop = _finite("start", settings["start"]), _finite("stop", settings["stop"])
         if not stop > start:
             raise SettingError(f"stop ({stop:g} s) must be later than start ({start:g} s)")
-        output_times(
-            start, stop, settings.get("interval")
-        )  # an impossible interval is refused before a long run
-        chosen = group_settings(self.elements, self.wiring, settings, groups)
+        check_interval(start, stop, settings.get("interval"))  # before a long run
+        chosen = self.group_settings(settings, groups)
         try:
             x = system.initial(start)
         except ExternError as error:
             status = Status("EXTERN_FAILED", f"at the start {error}")
-            return FinishedRun(
-                system, start, stop, start, status, _nothing(system, np.full(system.size, np.nan))
-            )
+            return self._nothing(system, np.full(system.size, np.nan), start, stop, status)
         if not np.isfinite(x).all():
-            return _bad_start(system, x, start, stop)
+            return self._nothing(system, x, start, stop, _bad_start(system, x))
         simulation = self._begin(system, chosen, x, start, stop, announce)
         status = simulation.advance(progress, most_steps)
         trajectories = simulation.trajectories()
         warnings = (*self._slow(simulation.program), *self._excursions(system, start, trajectories))
-        return FinishedRun(system, start, stop, simulation.reached, status, trajectories, warnings)
+        reached = simulation.reached
+        return FinishedRun(self.variables, system, start, stop, reached, status, trajectories, warnings)
+
+    def _nothing(
+        self, system: System, initial: Floats, start: float, stop: float, status: Status
+    ) -> FinishedRun:
+        """What a run leaves that failed at its start."""
+        nothing = Trajectories(self.elements, initial)
+        return FinishedRun(self.variables, system, start, stop, start, status, nothing)
 
     def _begin(
         self,
@@ -220,26 +249,7 @@ def _some(places: Integers) -> Integers:
     return places[np.linspace(0, len(places) - 1, count).astype(np.int64)]
 
 
-def group_settings(
-    elements: Elements,
-    wiring: Sequence[Wiring],
-    settings: Mapping[str, Any],
-    groups: Mapping[str, Mapping[str, Any]],
-) -> Settings:
-    """Settings of every group, checked, its tolerances tightened for those who read it. Raises ValueError.
-
-    A name in `groups` stands for one group, `car[3]`, or for several, `car`; the one that means fewer goes before.
-    """
-    factors, depths = tighten(elements, wiring, *TIGHTEN)
-    variants, of = _variants(elements, groups)
-    pairs, labels = labelled(of * len(factors) + depths)
-    made = []
-    for variant, depth in (divmod(pair, len(factors)) for pair in pairs.tolist()):
-        made.append(_settings({**settings, **variants[variant]}, variants[variant], factors[depth]))
-    return Settings(tuple(made), labels)
-
-
-def _variants(
+def own_settings(
     elements: Elements, groups: Mapping[str, Mapping[str, Any]]
 ) -> tuple[list[dict[str, Any]], Integers]:
     """The distinct sets of settings that groups have of their own, and which each group has."""
@@ -291,14 +301,7 @@ def _positive(name: str, value: object) -> float:
     return number
 
 
-def _bad_start(system: System, x: Floats, start: float, stop: float) -> FinishedRun:
-    k = int(np.argmax(~np.isfinite(x)))
-    name, place = system.state_at(k)
+def _bad_start(system: System, x: Floats) -> Status:
+    name, place = system.state_at(int(np.argmax(~np.isfinite(x))))
     where = f" ({place})" if place else ""
-    status = Status("BAD_START", f"the initial value of `{name}`{where} is not a finite number")
-    return FinishedRun(system, start, stop, start, status, _nothing(system, x))
-
-
-def _nothing(system: System, initial: Floats) -> Trajectories:
-    """What a run leaves that failed at its start."""
-    return Trajectories(system.elements, initial)
+    return Status("BAD_START", f"the initial value of `{name}`{where} is not a finite number")

@@ -246,4 +246,7 @@ def _add_run_options(run: argparse.ArgumentParser) -> None:
         default=[],
         help="draw to .png, .pdf or .svg; may be given several times",
     )
+    run.add_argument(
+        "--verify", action="store_true", help="run again ten times tighter and tell the error of each group"
+    )
     run.add_argument("--quiet", action="store_true", help="say nothing unless something is wrong")

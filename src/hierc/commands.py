@@ -21,7 +21,7 @@ from warnings import catch_warnings, simplefilter
 from hierc import loader
 from hierc.exits import INTERRUPTED, NUMERICAL_FAILURE, OK, USAGE, UsageError
 from hierc.outputs import STDOUT, Outputs, Written, asked_for, check_writable, saved_by, write, writing
-from hierc.screen import Progress, duration, say, show_groups, show_problems
+from hierc.screen import Progress, duration, say, show_groups, show_problems, show_verification
 from hierc.version import __version__
 
 if TYPE_CHECKING:
@@ -208,7 +208,12 @@ def _simulate(model: Model, arguments: Namespace) -> Result:
     with Progress(model.plan.name, start, stop, shown=shown) as progress, catch_warnings():
         try:
             simplefilter("ignore", RunWarning)  # the report has them
-            return model.simulate(**settings, progress=progress, announce=None if arguments.quiet else say)
+            return model.simulate(
+                **settings,
+                verify=arguments.verify,
+                progress=progress,
+                announce=None if arguments.quiet else say,
+            )
         except (SimulationError, Interrupted) as error:
             return error.result
         except (SettingError, ExternError) as error:
@@ -237,6 +242,7 @@ def summary(result: Result, loaded: loader.Loaded, written: Written) -> dict[str
         "settings": _plain(result.settings),
         "parameters": _plain(result.params),
         "groups": {f.name: _group(result, f) for f in result.families},
+        "verification": None if result.verification is None else asdict(result.verification),
         "files": list(written.files),
         "not_written": list(written.failures),
         "warnings": [warned.data for warned in loaded.warnings],
@@ -273,6 +279,8 @@ def _report(result: Result, loaded: loader.Loaded, compiling: float, running: fl
         show_groups(result.families)
     elif result.status.ok:
         say("  no states: nothing to integrate")
+    if result.verification is not None:
+        show_verification(result.verification)
     for text in result.warnings:
         say(f"warning: {text}")
     for name, value in result.params.items():

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from hierc.grammar.problems import Problem
     from hierc.runtime.families import FamilyStats
+    from hierc.runtime.verification import Verification
 
 #: A run shorter than this, in s, shows no progress bar.
 _PATIENCE = 0.4
@@ -69,6 +70,15 @@ def show_groups(families: Sequence[FamilyStats]) -> None:
         for f, row in zip(families, rows, strict=True):
             row.insert(4, f"{f.steps_min}..{f.steps_max}" if f.groups > 1 else "")
     for line in aligned([head, *rows], left=2):
+        say("  " + line)
+
+
+def show_verification(found: Verification) -> None:
+    """The table of errors: the worst state of each group, and when."""
+    end = "" if found.status.ok else f" up to {found.reached:.6g} s, where the second run ended: {found.status.message}"
+    say(f"verified by a run ten times tighter{end}")
+    rows = [[g.name, f"{g.error:.2g}", g.state, duration(g.time)] for g in found.groups]
+    for line in aligned([["group", "error/tolerance", "worst state", "at"], *rows], left=1):
         say("  " + line)
 
 

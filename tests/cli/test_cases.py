@@ -27,6 +27,8 @@ VARYING = (
     (re.compile(r"^compiling .*\n", re.MULTILINE), ""),
     (re.compile(r"^usage: .*\n(?: .*\n)*", re.MULTILINE), ""),
     (re.compile(r"^  group +method .*$", re.MULTILINE), "  group, method and counters"),
+    (re.compile(r"^  group +error/tolerance .*$", re.MULTILINE), "  group and its error"),
+    (re.compile(r"^(  \w+) +[\d.e-]+ +(\S+) +[\d.]+ \S?s$", re.MULTILINE), r"\1 <error> \2 <time>"),
     (re.compile(r"^(  \w+) +(?:radau|dop|tsit)\S+ .*$", re.MULTILINE), r"\1 <counters>"),
     (re.compile(r"smaller than \S+ s"), "smaller than <step> s"),
     (re.compile(r"(?<=choose from ).*(?=\))"), lambda found: found[0].replace("'", "")),
