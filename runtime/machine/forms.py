@@ -1,21 +1,21 @@
 """From a plan's elements to forms: what each group computes, with equal groups recognised.
 
-The groups of a family are wired together: where a group has an element, a family has a column, the elements of all its groups. Whatever decides about code
-must be the same down a column; where it is not, the family is divided into those that agree.
+The groups of a family are wired together, by columns of elements (`alike.py`); those that differ in what decides about code, apart.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hierc.runtime.alike import Nodes, Read, divided, inputs_of, same
 from hierc.runtime.columns import distinct
-from hierc.runtime.contract import Class, Plan
-from hierc.runtime.elements import Block, Elements, Family, expand, order_parts, part_of
+from hierc.runtime.contract import Plan
+from hierc.runtime.elements import Block, Elements, Family, expand, part_of
 from hierc.runtime.machine.calls import CallForm, Form, Where
 
 Integers = NDArray[np.int64]
@@ -45,30 +45,15 @@ def wire(plan: Plan | Elements) -> tuple[Wiring, ...]:
     """The wiring of every group of a plan."""
     elements = plan if isinstance(plan, Elements) else expand(plan)
     channels = _Channels(elements)
-    made: list[Wiring] = []
-    for k, family in enumerate(elements.families):
-        pending = [np.arange(family.count)]
-        while pending:
-            rows = pending.pop()
-            try:
-                made.append(_Wiring(elements, channels, k, rows).result())
-            except _DifferError as differ:
-                pending += [rows[differ.labels == label] for label in distinct(differ.labels)[::-1]]
-    return tuple(made)
+    return tuple(
+        wiring
+        for k, family in enumerate(elements.families)
+        for wiring in divided(family.count, partial(_wired, elements, channels, k))
+    )
 
 
-class _DifferError(Exception):
-    """Groups of a family differ in what must be equal; `labels` tell them apart."""
-
-    def __init__(self, labels: Integers) -> None:
-        self.labels = labels
-
-
-def _same(column: Integers) -> int:
-    """What all of a column's groups have. Raises _DifferError."""
-    if len(column) > 1 and (column != column[0]).any():
-        raise _DifferError(column)
-    return int(column[0])
+def _wired(elements: Elements, channels: _Channels, family: int, rows: Integers) -> Wiring:
+    return _Wiring(elements, channels, family, rows).result()
 
 
 class _Channels:
@@ -94,7 +79,7 @@ class _Channels:
                 where = (elements.block[family.calls] == b) & (family.parts == part)
                 rows = family.calls[where] - block.first
                 places = np.broadcast_to(family.places[:, None], family.calls.shape)[where]
-                for k in _inputs(elements.plan.classes[block.kind], part) if len(rows) else ():
+                for k in inputs_of(elements.plan.classes[block.kind], part) if len(rows) else ():
                     source = block.sources[k]
                     if source.what == "out":
                         owners = source.elements[rows]
@@ -152,100 +137,38 @@ class _Channels:
         )
 
 
-def _inputs(kind: Class, part: int) -> Sequence[int]:
-    """The inputs that one part of a class (-1: its right-hand side) may read."""
-    return range(kind.inputs) if part < 0 else kind.parts[part].inputs
-
-
 def _reads_outs(elements: Elements, block: Block) -> bool:
     """Whether some part of a block reads an out."""
     parts = elements.plan.classes[block.kind].parts
     return any(block.sources[k].what == "out" for part in parts for k in part.inputs)
 
 
-@dataclass(frozen=True, slots=True)
-class _Read:
-    """A source of a column: a column of elements, by its number, what is read of them, and which."""
-
-    node: int
-    what: str
-    index: Integers
-
-
 class _Wiring:
-    """The wiring of some groups of a family in the making. Columns of elements are numbered as they are met; equal ones are one."""
+    """The wiring of some groups of a family in the making."""
 
     def __init__(self, elements: Elements, channels: _Channels, family: int, rows: Integers) -> None:
         self.elements, self.channels, self.number = elements, channels, family
         self.family, self.rows = elements.families[family], rows
         self.places = self.family.places[rows]
-        self.columns: list[Integers] = []
-        self._numbers: dict[bytes, int] = {}
-        self._reads: dict[int, tuple[_Read, ...]] = {}
-        self._inside: dict[int, bool] = {}
+        self.nodes = Nodes(elements, self.places)
         self.values: dict[int, int] = {}
         self.outs: dict[int, int] = {}
         self.value_count = 0
         self.out_count = 0
 
-    # ---- columns ----------------------------------------------------------------------------------
-
-    def _node(self, column: Integers) -> int:
-        """The number of a column of elements."""
-        key = column.tobytes()
-        if key not in self._numbers:
-            self._numbers[key] = len(self.columns)
-            self.columns.append(column)
-        return self._numbers[key]
-
-    def _block(self, node: int) -> Block:
-        return self.elements.blocks[_same(self.elements.block[self.columns[node]])]
-
-    def _kind(self, node: int) -> Class:
-        return self.elements.plan.classes[self._block(node).kind]
-
-    def _sources(self, node: int) -> tuple[_Read, ...]:
-        if node not in self._reads:
-            block = self._block(node)
-            rows = self.columns[node] - block.first
-            self._reads[node] = tuple(
-                _Read(self._node(s.elements[rows]), s.what, s.index[rows]) for s in block.sources
-            )
-        return self._reads[node]
-
-    def _is_inside(self, node: int) -> bool:
-        """Whether the groups compute a node's outs themselves: their own nodes', and those of nodes without states."""
-        if node not in self._inside:
-            home = self.elements.home[self.columns[node]]
-            self._inside[node] = bool(_same(((home == self.places) | (home < 0)).astype(np.int64)))
-        return self._inside[node]
-
-    def _part_of(self, node: int, out: int) -> int:
-        return part_of(self._kind(node), out)
-
-    def _read_by(self, node: int, part: int) -> list[tuple[int, str, int]]:
-        """As `Elements.read_by`; outs of other groups need no index."""
-        sources = self._sources(node)
-        return [
-            (s.node, s.what, _same(s.index) if self._is_inside(s.node) else -1)
-            for s in (sources[k] for k in _inputs(self._kind(node), part))
-        ]
-
-    # ---- the wiring -------------------------------------------------------------------------------
-
     def result(self) -> Wiring:
-        """The wiring. Raises _DifferError where the groups are not alike."""
+        """The wiring. Raises Differ where the groups are not alike."""
         published = self._published()
-        publishing = order_parts(published, self._part_of, self._read_by, self._is_inside)
+        publishing = self.nodes.order_parts(published)
         called = self.family.calls[self.rows].T
         calls = [
-            (self._node(column), part)
+            (self.nodes.number(column), part)
             for column, part in zip(called, self.family.parts.tolist(), strict=True)
         ]
         order = self._inputs([*calls, *publishing])
         numbers = {key: k for k, key in enumerate(order)}
         form = Form(
-            states=_same(self.elements.group_states[self.places]),
+            states=same(self.elements.group_states[self.places]),
             inputs=len(order),
             outs=self.out_count,
             calls=tuple(self._call(n, part, numbers) for n, part in calls),
@@ -260,8 +183,8 @@ class _Wiring:
             self._table(owners),
             self._table(channels),
             _runs(owners),
-            self._table([self.columns[n] for n in self.values]),
-            self._table([self.columns[n] for n, _ in published]),
+            self._table([self.nodes.columns[n] for n in self.values]),
+            self._table([self.nodes.columns[n] for n, _ in published]),
             tuple(out for _, out in published),
         )
 
@@ -272,11 +195,11 @@ class _Wiring:
         """(node, out) of what other groups read, in the order of their channels."""
         found = []
         for column in self.family.nodes[self.rows].T:
-            node = self._node(column)
+            node = self.nodes.number(column)
             first = self.elements.outs[column]
             read = self.channels.published
-            outs = range(self._kind(node).outs)
-            found += [(node, out) for out in outs if _same(read[first + out].astype(np.int64))]
+            outs = range(self.nodes.kind(node).outs)
+            found += [(node, out) for out in outs if same(read[first + out].astype(np.int64))]
         return found
 
     def _inputs(
@@ -286,43 +209,43 @@ class _Wiring:
         found: dict[tuple[bytes, bytes], tuple[Integers, Integers]] = {}
         for node, part in calls:
             self._place(node)
-            sources = self._sources(node)
-            for k in _inputs(self._kind(node), part):
-                if not self._is_inside(sources[k].node):
+            sources = self.nodes.sources(node)
+            for k in inputs_of(self.nodes.kind(node), part):
+                if not self.nodes.is_inside(sources[k].node):
                     pair = self._channel(sources[k])
                     found[_key(pair)] = pair
         return dict(
             sorted(found.items(), key=lambda item: (item[1][0][0], item[0][0], item[1][1][0], item[0][1]))
         )
 
-    def _channel(self, read: _Read) -> tuple[Integers, Integers]:
-        owners = self.columns[read.node]
+    def _channel(self, read: Read) -> tuple[Integers, Integers]:
+        owners = self.nodes.columns[read.node]
         return self.elements.home[owners], self.channels.channel(owners, read.what, read.index)
 
     def _place(self, node: int) -> None:
         if node not in self.values:
-            kind = self._kind(node)
+            kind = self.nodes.kind(node)
             self.values[node], self.outs[node] = self.value_count, self.out_count
             self.value_count += kind.values
             self.out_count += kind.outs
 
     def _call(self, node: int, part: int, numbers: dict[tuple[bytes, bytes], int]) -> CallForm:
-        read = set(_inputs(self._kind(node), part))
+        read = set(inputs_of(self.nodes.kind(node), part))
         sources: list[Where] = []
-        for k, source in enumerate(self._sources(node)):
+        for k, source in enumerate(self.nodes.sources(node)):
             if k not in read:
                 sources.append(("none", 0))
-            elif not self._is_inside(source.node):
+            elif not self.nodes.is_inside(source.node):
                 sources.append(("channel", numbers[_key(self._channel(source))]))
             elif source.what == "state":
-                first = self.elements.first_state[self.columns[source.node]]
-                sources.append(("state", _same(first + source.index)))
+                first = self.elements.first_state[self.nodes.columns[source.node]]
+                sources.append(("state", same(first + source.index)))
             else:
-                sources.append(("out", self.outs[source.node] + _same(source.index)))
-        column = self.columns[node]
+                sources.append(("out", self.outs[source.node] + same(source.index)))
+        column = self.nodes.columns[node]
         first = np.where(self.elements.home[column] >= 0, self.elements.first_state[column], 0)
         return CallForm(
-            self._block(node).kind, part, _same(first), self.values[node], self.outs[node], tuple(sources)
+            self.nodes.block(node).kind, part, same(first), self.values[node], self.outs[node], tuple(sources)
         )
 
 
