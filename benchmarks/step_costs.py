@@ -20,7 +20,6 @@ import hierc
 from hierc.runtime.choice import COSTS
 from hierc.runtime.machine.program import Pieces
 from hierc.runtime.model import Model
-from hierc.runtime.run import group_settings
 from hierc.runtime.simulation import Simulation
 
 TOLERANCE = 1e-6
@@ -49,7 +48,7 @@ def kernel(m: Model, method: str, stop: float) -> tuple[float, float, int, Piece
     }
     best = float("inf")
     for _ in range(9):
-        chosen = group_settings(m.engine.elements, m.engine.wiring, settings, {})
+        chosen = m.engine.group_settings(settings, {})
         run = Simulation(m.engine, m.system(), chosen, m.initial(), 0.0, stop)
         began = time.perf_counter()
         assert run.advance().ok

@@ -70,10 +70,10 @@ class Probe:
 
 def choose(*probes: Probe) -> str:
     """The method of least predicted cost a second, the favourite unless another is clearly cheaper; for all groups that the probes stand for."""
-    radii = [0.0] * len(probes)
-    if _cheapest(probes, radii) in EXPLICIT:  # as long as nothing bounds its step
-        radii = [probe.spectral_radius() for probe in probes]
-    return _cheapest(probes, radii)
+    cheapest = _cheapest(probes, [0.0] * len(probes))
+    if cheapest not in EXPLICIT:  # even as long as nothing bounds the steps of those
+        return cheapest
+    return _cheapest(probes, [probe.spectral_radius() for probe in probes])
 
 
 def _cheapest(probes: Sequence[Probe], radii: Sequence[float]) -> str:

@@ -1,7 +1,7 @@
 """Where the memory of each group lies: worked out once for a plan and its methods, filled in anew for each run.
 
-All groups' states stand in one array, all their values in another, and so on; a group's record holds addresses into them. So a run of ten
-thousand groups is set up by a few operations on whole arrays.
+All groups' states stand side by side, then all their values, and so on, in one block of memory; a group's record holds addresses into it. So a run of
+ten thousand groups is set up by a few operations on whole arrays.
 """
 
 from __future__ import annotations
@@ -25,8 +25,11 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 #: Doubles in a line of the processor's cache: what each group's part of an array is rounded up to.
 _LINE = 8
-#: Arrays that the groups' records point into.
+#: Segments a group has room for at first; fewer, but not below the least, where all groups' would take more than so many bytes.
+_ROOM, _LEAST_ROOM, _FIRST_BYTES = 256, 16, 256 << 20
+#: Parts of the block that the groups' records point into.
 _ARRAYS = ("x", "p", "absolute", "u", "work")
+_POINTERS = [records.Group.numbers()[name] for name in _ARRAYS]
 
 
 def cohorts(wiring: Sequence[Wiring], labels: Integers) -> list[tuple[int, int, Integers]]:
@@ -41,9 +44,9 @@ def cohorts(wiring: Sequence[Wiring], labels: Integers) -> list[tuple[int, int, 
 class Layout:
     """Group records with everything that no run changes; where a run's own numbers go.
 
-    `records` holds byte offsets in place of addresses. `states`, `values` and `scales` say where in the arrays `x`, `p` and `absolute` the state
-    vector, the elements' values laid end to end (`value_elements`), and the states' error scales go. `strides` counts the doubles of each group's
-    segments. Groups of one form whose method keeps nothing between steps share one place to work.
+    `records` holds byte offsets in place of addresses. `states`, `values` and `scales` say where in the block of `size` doubles the state vector, the
+    elements' values laid end to end (`value_elements`), and the states' error scales go. `strides` counts the doubles of each group's segments, for `room`
+    of which there is place at first. Groups of one form whose method keeps nothing between steps share one place to work.
     """
 
     def __init__(
@@ -63,13 +66,17 @@ class Layout:
             self._describe(elements, w, places, method, program, program.pieces[w.form, method.name])
             if not method.keeps_work:
                 shared[places] = places[0]
-        self.sizes: dict[str, int] = {}
+        self.size = 0
         offsets = {name: self._place(name, shared) for name in _ARRAYS}
         self.states = spread(offsets["x"], elements.group_states)
         self.scales = spread(offsets["absolute"], elements.group_states)
         self.group_of_state = np.repeat(np.arange(count), elements.group_states)
         self.value_elements, self.values = _values(elements, wiring, offsets["p"])
         self._read(wiring)
+        room = _FIRST_BYTES // (8 * int(self.strides.sum()) or 1)
+        self.room = min(max(room, _LEAST_ROOM), _ROOM)
+        self.records["capacity"][:] = self.room
+        self.records["most_steps"][:] = np.iinfo(np.int64).max
 
     def _describe(
         self, elements: Elements, w: Wiring, places: Integers, method: Method, program: Program, made: Pieces
@@ -104,10 +111,10 @@ class Layout:
         padded = -(-self.lengths[name] // _LINE) * _LINE
         one = (shared >= 0) & (name in ("u", "work"))  # they use that of the first of them
         padded[one & (shared != np.arange(len(padded)))] = 0
-        ends = np.cumsum(padded)
+        ends = self.size + np.cumsum(padded)
         offsets: Integers = ends - padded
         offsets[one] = offsets[shared[one]]
-        self.sizes[name] = int(ends[-1]) if len(ends) else 0
+        self.size += int(padded.sum())
         self.records[name][: len(offsets)] = 8 * offsets
         return offsets
 
@@ -117,11 +124,11 @@ class Layout:
         runs = _counts(wiring, [len(w.runs) for w in wiring])
         count = len(inputs)
         first_input, first_run = np.cumsum(inputs) - inputs, np.cumsum(runs) - runs
-        self.records["channels"][:count] = 8 * first_input
         self.records["sources"][:count] = 8 * len(records.Source.fields()) * first_run
         self.records["source_count"][:count] = runs
         self.sources = RecordArray(records.Source, int(runs.sum()))
         self.places = np.zeros(max(int(inputs.sum()), 1), np.int64)
+        self.records["channels"][:count] = self.places.ctypes.data + 8 * first_input
         widths = self.records["width"]
         for w in wiring:
             into = first_input[w.places][:, None] + np.arange(w.form.inputs)
@@ -134,17 +141,14 @@ class Layout:
 
 
 class Memory:
-    """One run's memory: the records, with addresses, and the arrays they point to."""
+    """One run's memory: the records, with addresses, and what they point to beside the layout's own `places`."""
 
     def __init__(self, layout: Layout) -> None:
         self.groups = layout.records.copy()
         self.sources = layout.sources.copy()
-        self.arrays: dict[str, Floats] = {name: aligned(max(size, 1)) for name, size in layout.sizes.items()}
-        addresses = {name: array.ctypes.data for name, array in self.arrays.items()}
-        addresses["channels"] = layout.places.ctypes.data
-        addresses["sources"] = self.sources.address
-        for name, address in addresses.items():
-            self.groups[name][:] += address
+        self.block: Floats = aligned(max(layout.size, 1))
+        self.groups.memory[:, _POINTERS] += self.block.ctypes.data
+        self.groups["sources"][:] += self.sources.address
 
 
 def _counts(wiring: Sequence[Wiring], counts: Sequence[int]) -> Integers:

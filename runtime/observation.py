@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime.columns import distinct
-from hierc.runtime.contract import Plan, Variable
-from hierc.runtime.elements import expanded
+from hierc.runtime.contract import Plan
+from hierc.runtime.elements import Elements, expanded
 from hierc.runtime.paths import Catalogue, Selection
 from hierc.runtime.system import System
 from hierc.runtime.trajectory import Trajectories
@@ -29,53 +29,64 @@ def catalogue(plan: Plan) -> Catalogue:
     return Catalogue("unknown variable", entries, [v.shape for v in plan.variables])
 
 
+class Variables:
+    """The variables of a plan by name, and where they are found. What was asked for once need not be looked up again."""
+
+    def __init__(self, elements: Elements) -> None:
+        self.elements = elements
+        self.catalogue = catalogue(elements.plan)
+        self._found: dict[str, _Wanted] = {}
+
+    def find(self, name: str) -> _Wanted:
+        """Where the scalars of a variable are. Raises PathError."""
+        if name not in self._found:
+            self._found[name] = _Wanted(self.elements, self.catalogue.find(name))
+        return self._found[name]
+
+
 def evaluate(
-    system: System, trajectories: Trajectories, names: Sequence[str], t: Floats
+    variables: Variables, system: System, trajectories: Trajectories, names: Sequence[str], t: Floats
 ) -> dict[str, Floats]:
     """Values (len(t), *shape) of variables by name, in their declared units. Raises PathError."""
-    known = catalogue(system.plan)
-    wanted = [_Wanted(system, known.find(name)) for name in names]
-    positions = np.concatenate([np.zeros(0, np.int64), *(w.places[w.is_state] for w in wanted)])
-    states = trajectories.states(positions, t)
-    elements = np.concatenate([np.zeros(0, np.int64), *(w.elements[~w.is_state] for w in wanted)])
+    wanted = [variables.find(name) for name in names]
+    none = np.zeros(0, np.int64)
+    states = trajectories.states(np.concatenate([none, *(w.states for w in wanted)]), t)
+    elements = np.concatenate([none, *(w.elements for w in wanted)])
     observed = _Observed(system, trajectories, distinct(elements), t)
     found = {}
     first = 0
     for name, w in zip(names, wanted, strict=True):
-        values = np.empty((len(t), *w.places.shape))
-        count = int(w.is_state.sum())
-        values[:, w.is_state] = states[:, first : first + count]
-        values[:, ~w.is_state] = observed.columns(w.elements[~w.is_state], w.places[~w.is_state])
-        first += count
+        values = states[:, first : first + len(w.states)]
+        first += len(w.states)
+        if len(w.elements):
+            own, values = values, np.empty((len(t), *w.is_state.shape))
+            values[:, w.is_state], values[:, ~w.is_state] = own, observed.columns(w.elements, w.numbers)
         found[name] = values.reshape((len(t), *w.shape)) / w.scale
     return found
 
 
 class _Wanted:
-    """The scalars of a selection, (elements, scalars of each): where each is found. `places` are positions in the state vector, or numbers of observed
-    variables.
+    """The scalars of a selection: which of them (elements, scalars of each) are states; of those, the positions in the state vector, `states`; of
+    the others, the `elements` and the `numbers` among what is observed there.
     """
 
-    def __init__(self, system: System, selection: Selection) -> None:
-        variables = system.plan.variables
+    def __init__(self, elements: Elements, selection: Selection) -> None:
+        variables = elements.plan.variables
         named = selection.named
         entry, row = named.entry[selection.chosen], named.row[selection.chosen]
         variable = variables[entry[0]]
         size = (len(entry), len(variable.elements))
-        self.elements, self.places = np.zeros(size, np.int64), np.zeros(size, np.int64)
-        self.is_state = np.zeros(size, np.bool_)
         self.shape, self.scale = selection.shape + variable.shape, variable.scale
+        self.is_state = np.zeros(size, np.bool_)
+        owners, places = np.zeros(size, np.int64), np.zeros(size, np.int64)
         for k in distinct(entry).tolist():
-            self._put(system, variables[k], entry == k, row[entry == k])
-
-    def _put(self, system: System, variable: Variable, own: NDArray[np.bool_], rows: Integers) -> None:
-        for scalar, (elements, what, index) in enumerate(variable.elements):
-            element = expanded(elements, variable.count)[rows]
-            place = expanded(index, variable.count)[rows]
-            if what == "state":
-                place = place + system.elements.offsets[element]
-            self.elements[own, scalar], self.places[own, scalar] = element, place
-            self.is_state[own, scalar] = what == "state"
+            own, rows = entry == k, row[entry == k]
+            for scalar, (which, what, index) in enumerate(variables[k].elements):
+                owners[own, scalar] = expanded(which, variables[k].count)[rows]
+                places[own, scalar] = expanded(index, variables[k].count)[rows]
+                self.is_state[own, scalar] = what == "state"
+        self.states = (elements.offsets[owners] + places)[self.is_state]
+        self.elements, self.numbers = owners[~self.is_state], places[~self.is_state]
 
 
 class _Observed:

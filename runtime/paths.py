@@ -114,6 +114,7 @@ class Catalogue:
         for k, entry in enumerate(entries):
             self._places.setdefault(entry[0].replace("[]", ""), []).append(k)
         self._made: dict[str, Named] = {}
+        self._found: dict[str, Selection] = {}
 
     @property
     def plain(self) -> Sequence[str]:
@@ -141,6 +142,11 @@ class Catalogue:
 
     def find(self, name: str) -> Selection:
         """What a name means. Raises PathError."""
+        if name not in self._found:
+            self._found[name] = self._find(name)
+        return self._found[name]
+
+    def _find(self, name: str) -> Selection:
         if name in self._places and not self._entries[self._places[name][0]][2]:
             return Selection(self.named(name), name, np.arange(1), ())
         steps = _steps(name)

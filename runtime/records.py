@@ -21,6 +21,10 @@ DONE = 6.0
 PAUSED = 7.0  # the budget of this call is used up
 
 
+#: What is counted of each group.
+COUNTERS = ("steps", "rejected", "evaluations", "iterations", "jacobians", "factorizations", "failures")
+
+
 class Source(Record):
     """One earlier group that a group reads: `count` of its channels, evaluated into the inputs from `first` on."""
 

@@ -28,7 +28,7 @@ from hierc.runtime.machine.program import Announce
 from hierc.runtime.status import Status
 from hierc.runtime.system import System
 from hierc.runtime.track import Tracks
-from hierc.runtime.trajectory import Columns, Trajectories
+from hierc.runtime.trajectory import Trajectories
 
 if TYPE_CHECKING:
     from hierc.runtime.run import Engine
@@ -37,11 +37,8 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 #: What one call of the kernel should take, s.
 _SLICE = 0.02
-#: Segments a group has room for at first; fewer, but not below the least, where all groups' would take more than so many bytes.
-_ROOM, _LEAST_ROOM, _FIRST_BYTES = 256, 16, 256 << 20
 #: Bytes of segments beyond which a run is stopped.
 _MOST_BYTES = 4 << 30
-_COUNTERS = ("steps", "rejected", "evaluations", "iterations", "jacobians", "factorizations", "failures")
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,12 +95,9 @@ class Simulation:
         self.memory = Memory(self.layout)
         self.groups = self.memory.groups
         self.initial = initial
-        self._fill(self.memory.arrays)
+        self._fill(self.memory.block)
         count = self.elements.groups
-        room = max(_FIRST_BYTES // (8 * int(self.layout.strides.sum()) or 1), _LEAST_ROOM)
-        room = min(room, _ROOM)
-        self.groups["capacity"][:] = room
-        self.tracks = Tracks(self.layout.strides, room)
+        self.tracks = Tracks(self.layout.strides, self.layout.room)
         self.groups["track"][:count] = self.tracks.addresses
         self.run = RecordArray(records.Run, 1)
         self.run["stop"][0], self.run["groups"][0] = stop, count
@@ -117,18 +111,17 @@ class Simulation:
         self._abandoned = (0, start, 0)
         self._failed: ExternError | None = None
 
-    def _fill(self, arrays: dict[str, Floats]) -> None:
+    def _fill(self, block: Floats) -> None:
         """Put the run's own numbers in their places."""
         layout, groups, count = self.layout, self.groups, self.elements.groups
-        arrays["x"][layout.states] = self.initial
-        arrays["p"][layout.values] = self.system.values_of(layout.value_elements)
+        block[layout.states] = self.initial
+        block[layout.values] = self.system.values_of(layout.value_elements)
         nominal = self.system.nominal
         if not (nominal > 0.0).all():
             name, place = self.system.state_at(int(np.argmin(nominal > 0.0)))
             raise SettingError(f"the `nominal` of `{name}` ({place}) must be positive")
         atol = self.settings.column("atol")
-        arrays["absolute"][layout.scales] = atol[layout.group_of_state] * nominal
-        groups["most_steps"][:] = np.iinfo(np.int64).max
+        block[layout.scales] = atol[layout.group_of_state] * nominal
         groups["t"][:], groups["stop"][:] = self.start, self.stop
         groups["floor"][:count] = atol
         for name in ("rtol", "max_step", "min_step"):
@@ -229,16 +222,8 @@ class Simulation:
 
     def trajectories(self) -> Trajectories:
         """The segments of all groups so far."""
-        count = self.elements.groups
-        column = {
-            name: self.groups[name][:count].copy() for name in ("count", "stride", "degree", "width", "t")
-        }
-        stats = {name: self.groups[name][:count].copy() for name in _COUNTERS}
-        columns = Columns(
-            column["count"], column["stride"], column["degree"], column["width"], column["t"], stats
-        )
-        methods = self.settings.methods
-        return Trajectories(self.elements, self.initial, self.program, self.tracks, methods, columns)
+        methods, last = self.settings.methods, self.groups.copy()
+        return Trajectories(self.elements, self.initial, self.program, self.tracks, methods, last)
 
     def learn(self, cohorts: Iterable[tuple[Wiring, Integers]]) -> list[list[choice.Probe]]:
         """What the steps so far tell of some groups of each wiring."""
@@ -325,7 +310,7 @@ class Simulation:
 
     def _states_at(self, t: float, g: int) -> Floats:
         """All states at the time of group g; later groups as far as they are known."""
-        x = self.memory.arrays["x"][self.layout.states]
+        x = self.memory.block[self.layout.states]
         ahead = (self.groups["t"] > t)[self.layout.group_of_state]
         ahead[self._slice_of(g)] = False
         if ahead.any():

@@ -64,22 +64,10 @@ class GroupTrajectory:
 
 
 @dataclass(frozen=True)
-class Columns:
-    """What the records of all groups say at the end of a run, by place."""
-
-    count: Integers  # of segments
-    stride: Integers
-    degree: Integers
-    width: Integers
-    reached: Floats
-    stats: Mapping[str, Integers]
-
-
-@dataclass(frozen=True)
 class Trajectories(Sequence[GroupTrajectory]):
     """The segments of all groups, in cascade order; a group's own are made when they are asked for.
 
-    `initial` (n,) are the states before the first steps; without a `program` that is all there is.
+    `initial` (n,) are the states before the first steps; without a `program` that is all there is. `records` are the groups' as they stood at the end.
     """
 
     elements: Elements
@@ -87,10 +75,10 @@ class Trajectories(Sequence[GroupTrajectory]):
     program: Program | None = None
     tracks: Tracks | None = None
     methods: Sequence[str] = ()
-    columns: Columns | None = None
+    records: RecordArray | None = None
 
     def __len__(self) -> int:
-        return 0 if self.columns is None else self.elements.groups
+        return 0 if self.records is None else self.elements.groups
 
     @overload
     def __getitem__(self, g: int) -> GroupTrajectory: ...
@@ -104,32 +92,34 @@ class Trajectories(Sequence[GroupTrajectory]):
         if not -len(self) <= g < len(self):
             raise IndexError(g)
         g %= len(self)
-        assert self.columns is not None
+        assert self.records is not None
         assert self.program is not None
-        c = self.columns
+        known = self.records
         return GroupTrajectory(
             name=self.elements.group_name(g),
             method=self.methods[g],
-            degree=int(c.degree[g]),
-            width=int(c.width[g]),
+            degree=int(known["degree"][g]),
+            width=int(known["width"][g]),
             table=self.table(g),
-            reached=float(c.reached[g]),
+            reached=float(known["t"][g]),
             initial=self.initial[self.elements.group_offsets[g] : self.elements.group_offsets[g + 1]],
-            stats={name: int(column[g]) for name, column in c.stats.items()},
+            stats={name: int(known[name][g]) for name in records.COUNTERS},
             program=self.program,
         )
 
     def table(self, g: int) -> Floats:
         """The segments of a group, a row each."""
-        assert self.columns is not None
+        assert self.records is not None
         assert self.tracks is not None
-        count, stride = int(self.columns.count[g]), int(self.columns.stride[g])
+        count, stride = int(self.records["count"][g]), int(self.records["stride"][g])
         return self.tracks.array(g)[: count * stride].reshape(count, stride)
 
     @cached_property
     def _integrated(self) -> NDArray[np.bool_]:
         """Whether a group has made a step, by place."""
-        return np.zeros(self.elements.groups, np.bool_) if self.columns is None else self.columns.count > 0
+        if self.records is None:
+            return np.zeros(self.elements.groups, np.bool_)
+        return np.asarray(self.records["count"][: self.elements.groups] > 0)
 
     def states(self, positions: Integers, t: Floats) -> Floats:
         """Some states, by their positions in the state vector, at the times t: (len(t), len(positions)).
@@ -149,17 +139,16 @@ class Trajectories(Sequence[GroupTrajectory]):
 
     def _requests(self, positions: Integers, places: Integers) -> tuple[RecordArray, Integers]:
         """One request a group for the states at these positions, which are in ascending order; the places of their coefficients."""
-        assert self.columns is not None
+        assert self.records is not None
         assert self.tracks is not None
         begins = firsts(places)
         groups, counts = places[begins], np.diff(begins, append=len(places))
         channels = positions - self.elements.group_offsets[places]
-        coefficients = HEADER + channels * self.columns.width[places]
+        coefficients = HEADER + channels * self.records["width"][places]
         made = RecordArray(records.Request, len(groups))
         made["track"][:] = self.tracks.addresses[groups]
-        made["count"][:] = self.columns.count[groups]
-        made["stride"][:] = self.columns.stride[groups]
-        made["degree"][:] = self.columns.degree[groups]
+        for name in ("count", "stride", "degree"):
+            made[name][:] = self.records[name][groups]
         made["places"][:] = coefficients.ctypes.data + 8 * begins
         made["channels"][:] = counts
         return made, coefficients

@@ -42,27 +42,30 @@ class Record:
         """Field names and their annotated types, in order of layout."""
         return get_type_hints(cls, include_extras=True)
 
+    @classmethod
+    @functools.cache
+    def numbers(cls) -> dict[str, int]:
+        """The number of each field."""
+        return {name: k for k, name in enumerate(cls.fields())}
+
 
 class RecordArray:
     """Memory for `count` records: `self["t"]` is a numpy view of one field over all records (int64 or float64)."""
 
-    def __init__(self, record: type[Record], count: int) -> None:
+    def __init__(self, record: type[Record], count: int, memory: npt.NDArray[np.int64] | None = None) -> None:
+        """`memory`: of (records, fields), where it exists already."""
         self.record = record
-        self.names = list(record.fields())
-        self.memory = np.zeros((max(count, 1), len(self.names)), np.int64)
-        kinds = record.fields()
-        self._views = {
-            name: self.memory[:, k].view(np.float64) if kinds[name] is float else self.memory[:, k]
-            for k, name in enumerate(self.names)
-        }
+        self.memory = np.zeros((max(count, 1), len(record.fields())), np.int64) if memory is None else memory
+        self._views: dict[str, npt.NDArray[Any]] = {}
 
     def copy(self) -> RecordArray:
         """The same records in memory of their own."""
-        made = RecordArray(self.record, len(self.memory))
-        made.memory[:] = self.memory
-        return made
+        return RecordArray(self.record, len(self.memory), self.memory.copy())
 
     def __getitem__(self, name: str) -> npt.NDArray[Any]:
+        if name not in self._views:
+            column = self.memory[:, self.record.numbers()[name]]
+            self._views[name] = column.view(np.float64) if self.record.fields()[name] is float else column
         return self._views[name]
 
     @property

@@ -14,7 +14,7 @@ from running import METHODS, run
 from scipy.integrate import solve_ivp
 
 import hierc
-from hierc.runtime import kernel, simulation
+from hierc.runtime import kernel, layout, simulation
 from hierc.runtime.contract import Plan
 from hierc.runtime.errors import SettingError
 from hierc.runtime.model import Model
@@ -165,7 +165,7 @@ def test_windows_of_any_length(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_growing_memory(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """All groups leave the memory they share, some for a mapping of their own."""
     usual = run(a_model(platoon(12)), 10.0, 1e-8, method=method)
-    monkeypatch.setattr(simulation, "_ROOM", 2)
+    monkeypatch.setattr(layout, "_ROOM", 2)
     monkeypatch.setattr("hierc.runtime.track._MAPPED", 1 << 14)
     assert same(usual, run(a_model(platoon(12)), 10.0, 1e-8, method=method))
 
@@ -173,7 +173,7 @@ def test_growing_memory(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_little_room_for_many(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where all groups' room would be too much each begins with less."""
     usual = run(a_model(platoon(12)), 10.0)
-    monkeypatch.setattr(simulation, "_FIRST_BYTES", 1)
+    monkeypatch.setattr(layout, "_FIRST_BYTES", 1)
     assert same(usual, run(a_model(platoon(12)), 10.0))
 
 
@@ -193,10 +193,8 @@ def test_tolerances_follow_the_cascade() -> None:
     model = a_model(platoon(20))
     finished = run(model, 1.0)
     assert finished.status.ok
-    from hierc.runtime.run import group_settings
-
     settings = {"rtol": 1e-6, "atol": 1e-6, "method": "radau9", "max_step": math.inf, "min_step": 0.0}
-    rtol = group_settings(model.engine.elements, model.engine.wiring, settings, {}).column("rtol")
+    rtol = model.engine.group_settings(settings, {}).column("rtol")
     assert rtol[-4:] / 1e-6 == pytest.approx([0.03, 0.09, 0.3, 1.0])
     assert rtol[:-3] / 1e-6 == pytest.approx([0.03] * 18)
 

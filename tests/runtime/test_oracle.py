@@ -23,7 +23,6 @@ from hierc.runtime.methods import explicit, radau, radau_pieces
 from hierc.runtime.methods.catalogue import METHODS
 from hierc.runtime.methods.radau import Radau
 from hierc.runtime.model import Model
-from hierc.runtime.run import group_settings
 from hierc.runtime.segments import HEADER
 from hierc.runtime.simulation import Simulation
 
@@ -179,7 +178,7 @@ def beside(model: Model, methods: Sequence[str], attempts: int) -> None:
     names = [g.name for g in model.plan.groups]
     overrides = {name: {"method": method} for name, method in zip(names, methods, strict=True)}
     overrides[names[0]]["max_step"] = 0.04
-    chosen = group_settings(model.engine.elements, model.engine.wiring, settings, overrides)
+    chosen = model.engine.group_settings(settings, overrides)
     simulation = Simulation(model.engine, model.system(), chosen, model.initial(), 0.0, 0.5)
     groups = [python_group(simulation, g) for g in range(len(names))]
     run = SimpleNamespace(**{k: simulation.run[k][0].item() for k in records.Run.fields()})

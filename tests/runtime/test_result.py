@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from hierc.runtime.contract import CONTRACT, Class, Experiment, Group, Node, Plan, Variable
+from hierc.runtime.elements import expand
+from hierc.runtime.observation import Variables
 from hierc.runtime.result import Floats, GroupStats, Result, output_times
 from hierc.runtime.status import Status
 from hierc.runtime.trajectory import GroupTrajectory
@@ -103,7 +105,11 @@ class FakeRun:
     t_reached: float = 2.0
     status: Status = DONE
     groups: Sequence[GroupTrajectory] = TRAJECTORIES
+    variables: Variables = field(init=False)
     asked: list[tuple[str, ...]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.variables = Variables(expand(self.plan))
 
     def evaluate(self, paths: Sequence[str], t: Floats) -> Mapping[str, Floats]:
         self.asked.append(tuple(paths))

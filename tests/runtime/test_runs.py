@@ -17,7 +17,7 @@ from running import METHODS, run
 from scipy.integrate import solve_ivp
 from small_models import DECAY, FOLLOWER, MIXER, OSCILLATOR, PENDULUM, VAN_DER_POL, At, a_class, a_model
 
-from hierc.runtime import kernel, simulation
+from hierc.runtime import kernel, layout, simulation
 from hierc.runtime.model import Model
 from hierc.runtime.run import FinishedRun
 
@@ -243,7 +243,7 @@ def test_growing_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     results = []
     for room in (4096, 1):
         grown.clear()
-        monkeypatch.setattr(simulation, "_ROOM", room)
+        monkeypatch.setattr(layout, "_ROOM", room)
         results.append(run(cascade(), 10.0, 1e-9))
     assert same(*results)
     assert set(grown) == {0, 1, 2, 3}
