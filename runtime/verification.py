@@ -81,7 +81,7 @@ def verified(
     again = engine.run(run.system, _tighter(settings), tighter, **others)
     variants, of = own_settings(engine.elements, groups)
     asked = [_asked(settings, own) for own in variants]
-    return _compare(engine.elements, run, again, [asked[k] for k in of.tolist()])
+    return compare(engine.elements, run, again, [asked[k] for k in of.tolist()])
 
 
 def _tighter(settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -93,9 +93,10 @@ def _asked(settings: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any
     return {**settings, **({"atol": own["rtol"]} if "rtol" in own else {}), **own}
 
 
-def _compare(
+def compare(
     elements: Elements, run: FinishedRun, again: FinishedRun, asked: Sequence[Mapping[str, Any]]
 ) -> Verification:
+    """The errors of a run, taken as its differences from a better one. `asked`: rtol and atol of each group, by place."""
     known = group_catalogue(elements.plan)
     found = []
     for name in known.plain:
