@@ -17,7 +17,7 @@ from hierc.runtime.elements import Elements, spread
 from hierc.runtime.machine.dialect import RecordArray, aligned
 from hierc.runtime.machine.forms import Wiring
 from hierc.runtime.machine.program import Pieces, Program
-from hierc.runtime.methods.catalogue import METHODS
+from hierc.runtime.methods.catalogue import every_method
 from hierc.runtime.methods.method import Method
 from hierc.runtime.segments import HEADER
 
@@ -57,11 +57,12 @@ class Layout:
         self.records = RecordArray(records.Group, count)
         self.strides = np.zeros(count, np.int64)
         self.lengths = {name: np.zeros(count, np.int64) for name in _ARRAYS}
-        codes = {name: k for k, name in enumerate(METHODS)}
+        known = list(every_method().values())
+        codes = {method.name: k for k, method in enumerate(known)}
         chosen = cohorts(wiring, np.array([codes[m] for m in methods], np.int64))
         shared = np.full(count, -1, np.int64)
         for number, code, rows in chosen:
-            method = list(METHODS.values())[code]
+            method = known[code]
             w, places = wiring[number], wiring[number].places[rows]
             self._describe(elements, w, places, method, program, program.pieces[w.form, method.name])
             if not method.keeps_work:

@@ -20,7 +20,7 @@ from hierc.runtime.errors import ExternError, SettingError
 from hierc.runtime.layout import Layout, cohorts
 from hierc.runtime.machine.forms import Wiring, wire
 from hierc.runtime.machine.program import Announce, Program, build
-from hierc.runtime.methods.catalogue import METHODS
+from hierc.runtime.methods.catalogue import METHODS, STATELESS
 from hierc.runtime.observation import Variables, evaluate
 from hierc.runtime.paths import Catalogue, PathError
 from hierc.runtime.result import check_interval
@@ -119,14 +119,18 @@ class Engine:
     ) -> Settings:
         """Settings of every group, checked, its tolerances tightened for those who read it. Raises ValueError.
 
-        A name in `groups` stands for one group, `car[3]`, or for several, `car`; the one that means fewer goes before.
+        A name in `groups` stands for one group, `car[3]`, or for several, `car`; the one that means fewer goes before. Groups without states have a way of
+        their own, whatever method is asked for.
         """
         factors, depths = self._tightened
         variants, of = own_settings(self.elements, groups)
-        pairs, labels = labelled(of * len(factors) + depths)
+        moving = self.elements.group_states > 0
+        sets, labels = labelled((of * len(factors) + depths) * 2 + moving)
         made = []
-        for variant, depth in (divmod(pair, len(factors)) for pair in pairs.tolist()):
-            made.append(_settings({**settings, **variants[variant]}, variants[variant], factors[depth]))
+        for pair, moves in (divmod(number, 2) for number in sets.tolist()):
+            variant, depth = divmod(pair, len(factors))
+            decided = _settings({**settings, **variants[variant]}, variants[variant], factors[depth])
+            made.append(decided if moves else replace(decided, method=STATELESS))
         return Settings(tuple(made), labels)
 
     def run(

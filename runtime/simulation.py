@@ -263,6 +263,8 @@ class Simulation:
         if self.elements.plan.externs:  # one that is compiled in has no exceptions: plain Python has them
             self._abandoned = (g, t, int(self.groups["count"][g]))
             self.system.jacobian_of(self.elements.nodes_of(g), t, self._states_at(t, g))
+        if not self.elements.group_states[g]:
+            return self._failure_of_channel(g, outcome, t)
         state, place, finite = self._culprit(g)
         where = f"group `{self.elements.group_name(g)}`, state `{state}`" + (f" ({place})" if place else "")
         if not finite:
@@ -280,6 +282,16 @@ class Simulation:
             "STEP_TOO_SMALL",
             f"at t = {t:.9g} s the step of {where} had to become smaller than {h:.3g} s: "
             "its derivative jumps or grows without bound there",
+        )
+
+    def _failure_of_channel(self, g: int, outcome: float, t: float) -> Status:
+        """Why a group without states could not go on."""
+        name, least = self.elements.group_name(g), self.settings[g].min_step
+        if outcome == records.NOT_FINITE:
+            return Status("NOT_FINITE", f"`{name}` is not a number just after t = {t:.9g} s")
+        return Status(
+            "STEP_TOO_SMALL",
+            f"at t = {t:.9g} s group `{name}` needs a step smaller than its `min_step` of {least:g} s",
         )
 
     def _too_many(self, g: int, most: int) -> Status:
@@ -322,13 +334,19 @@ class Simulation:
 def tighten(
     elements: Elements, wiring: Sequence[Wiring], per_edge: float, floor: float
 ) -> tuple[list[float], Integers]:
-    """Factors on the tolerances, `per_edge` for each reading edge to the furthest reader, at least `floor`; which of them each group has."""
+    """Factors on the tolerances, `per_edge` for each reading edge to the furthest reader, at least `floor`; which of them each group has.
+
+    A group without states only passes on what it reads: the edges to and from it count as one.
+    """
     factors = [1.0]
     while factors[-1] > floor:
         factors.append(max(per_edge ** len(factors), floor))
     depth = np.zeros(elements.groups, np.int64)
-    for _ in factors[1:]:  # more edges than this change nothing
+    settled = False
+    while not settled:
+        before = depth.copy()
         for w in wiring:
-            further = np.broadcast_to(depth[w.places][:, None] + 1, w.owners.shape)
-            np.maximum.at(depth, w.owners, further)
-    return factors, np.minimum(depth, len(factors) - 1)
+            further = np.minimum(depth[w.places] + (w.form.states > 0), len(factors) - 1)
+            np.maximum.at(depth, w.owners, np.broadcast_to(further[:, None], w.owners.shape))
+        settled = bool((depth == before).all())
+    return factors, depth

@@ -24,7 +24,7 @@ from hierc.runtime.machine.allowed import check_class
 from hierc.runtime.machine.calls import Form
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.unit import Loaded, Unit, compile_object, machine_key, parse_function
-from hierc.runtime.methods.catalogue import METHODS
+from hierc.runtime.methods.catalogue import every_method
 from hierc.runtime.methods.method import Method
 from hierc.runtime.segments import sample
 
@@ -64,12 +64,13 @@ def build(
 ) -> Program:
     """Compile, or take from the cache, the kernel and the pieces for each (form, method)."""
     store = cache_folder("objects") if cache else None
+    methods = every_method()
     objects = [cached(store, f"kernel {runtime_digest()}", _kernel, announce, "the integration kernel")]
     labels: dict[tuple[Form, str], tuple[str, dict[str, Any]]] = {}
     for form, name in dict.fromkeys(wanted):
         text = _description(classes, form, name)
         label = "g" + hashlib.sha256(text.encode()).hexdigest()[:16]
-        made = cached(store, text, functools.partial(_form, label, classes, form, METHODS[name]), None, "")
+        made = cached(store, text, functools.partial(_form, label, classes, form, methods[name]), None, "")
         labels[form, name] = (label, made[0])
         objects.append(made)
     code = Loaded([o for _, o in objects])
@@ -78,12 +79,12 @@ def build(
         links.add(label, _callees(classes, form))
     pieces = {
         (form, name): Pieces(
-            {p.__name__: code.address(f"{label}_{p.__name__}") for p in METHODS[name].pieces},
+            {p.__name__: code.address(f"{label}_{p.__name__}") for p in methods[name].pieces},
             **facts,
         )
         for (form, name), (label, facts) in labels.items()
     }
-    steps = {name: code.address(f"step_{name}") for name in METHODS}
+    steps = {name: code.address(f"step_{name}") for name in methods}
     return Program(code.address("advance"), code.address("sample"), steps, pieces, code, links)
 
 
@@ -91,7 +92,7 @@ def _kernel() -> tuple[dict[str, Any], Unit]:
     unit = Unit("kernel")
     unit.lower(advance, export="advance")
     unit.lower(sample, export="sample")
-    for method in METHODS.values():
+    for method in every_method().values():
         unit.lower(
             method.step, lanes=method.lanes, constants=method.step_names(), export=f"step_{method.name}"
         )

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from hierc.runtime.methods.dop853 import DOP853
 from hierc.runtime.methods.explicit import Explicit
+from hierc.runtime.methods.fit import FIT
 from hierc.runtime.methods.method import Method
 from hierc.runtime.methods.radau import Radau
 from hierc.runtime.methods.radau_tables import RADAU5, RADAU9, RADAU13
 from hierc.runtime.methods.tsit5 import TSIT5
 
+#: Those that can be chosen.
 METHODS: dict[str, Method] = {
     method.name: method
     for method in (
@@ -19,3 +21,11 @@ METHODS: dict[str, Method] = {
         Explicit(DOP853),
     )
 }
+
+#: The way of groups without states, whatever is chosen.
+STATELESS = FIT.name
+
+
+def every_method() -> dict[str, Method]:
+    """All that groups may have."""
+    return {**METHODS, STATELESS: FIT}

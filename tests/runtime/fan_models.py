@@ -50,10 +50,10 @@ _LAST = a_class(
 )
 
 
-def fan(depth: int) -> Plan:
+def fan(depth: int, *, shared: bool = False) -> Plan:
     """4**depth oscillators; `reader` joins what each is worth and finds the largest, `last` joins the same and reads what the reader publishes.
 
-    Parameters: each oscillator's frequency and worth, then the last one's rate.
+    Where they are `shared`, both are groups of their own, without states. Parameters: each oscillator's frequency and worth, then the last one's rate.
     """
     count = 4**depth
     nodes = [
@@ -73,13 +73,23 @@ def fan(depth: int) -> Plan:
         Node("last", 6, (2 * count,), ((reader, "out", 0), (total, "out", 0))),
     ]
     numbers: Index = Steps(1)
+    made = (
+        Group("reader", (reader,), (*summing, *finding, (mix, 0), (reader, -1))),
+        Group("last", (last,), (*summing, (last, -1))),
+    )
+    if shared:
+        made = (
+            Group("total", (total,), tuple(summing)),
+            Group("largest", (top,), tuple(finding)),
+            Group("reader", (reader,), ((mix, 0), (reader, -1))),
+            Group("last", (last,), ((last, -1),)),
+        )
     return plan_of(
         (OSCILLATOR, _EACH, _SUM, _TOP, _MIX, _READER, _LAST),
         nodes,
         (
             Group("osc[]", (Steps(0),), ((Steps(0), -1),), count, (numbers,)),
-            Group("reader", (reader,), (*summing, *finding, (mix, 0), (reader, -1))),
-            Group("last", (last,), (*summing, (last, -1))),
+            *made,
         ),
         parameters=(
             Parameter("osc[].w", (), 0, count=count, indices=(numbers,)),
