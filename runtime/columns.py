@@ -21,7 +21,7 @@ def firsts(ordered: NDArray[Number]) -> Integers:
 def distinct(numbers: NDArray[Number]) -> NDArray[Number]:
     """The distinct numbers of an array of any shape, in ascending order."""
     ordered = np.sort(numbers, axis=None)
-    return ordered[firsts(ordered)]
+    return ordered[firsts(ordered)] if len(ordered) > 1 else ordered
 
 
 def labelled(column: Integers) -> tuple[Integers, Integers]:

@@ -10,6 +10,7 @@ import difflib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, overload
 
@@ -306,23 +307,25 @@ class Result:
     def columns(self, names: Iterable[str] | None = None) -> dict[str, Floats]:
         """One array over `t` a scalar, arrays and vectors split into their elements: what a table shows (default: what is recorded) beside `time`."""
         table: dict[str, Floats] = {}
-        for name, values in self._chosen(names).items():
-            selection = self._find(name)
+        for selection in self._chosen(names).values():
+            values = self._select(self._values[selection.name], selection)
             rows = values.reshape(
                 len(values), len(selection.chosen), *values.shape[1 + len(selection.shape) :]
             )
             subscripts = selection.subscripts
+            indices = list(product(*map(range, rows.shape[2:])))
             for k, element in enumerate(selection.names):
-                for index in np.ndindex(rows.shape[2:]):
+                for index in indices:
                     place = index if subscripts is None else tuple(i - 1 for i in subscripts)
-                    table[element + _subscript(place)] = rows[(slice(None), k, *index)]
+                    table[element + _subscript(place)] = rows[:, k, *index]
         return table
 
-    def _chosen(self, names: Iterable[str] | None) -> dict[str, Floats]:
+    def _chosen(self, names: Iterable[str] | None) -> dict[str, Selection]:
         """The variables that stand beside `time` in a file, computed at once."""
-        chosen = [name for name in (self.recorded if names is None else names) if name != TIME]
-        self.fetch(chosen)
-        return {name: self[name] for name in chosen}
+        asked = self.recorded if names is None else names
+        chosen = {name: self._find(name) for name in asked if name != TIME}
+        self._fetch(chosen.values())
+        return chosen
 
     def panels(self) -> dict[str, list[str]]:
         """The recorded names by the group that integrates them (or its array); what belongs to no group stands under the model's name."""
@@ -353,7 +356,7 @@ class Result:
         """Write arrays `time` and one a variable, named by their paths, for `numpy.load`. Raises OSError, KeyError."""
         from hierc.runtime.writers import write_npz
 
-        write_npz(Path(path), self.t, self._chosen(names))
+        write_npz(Path(path), self.t, {name: self[name] for name in self._chosen(names)})
 
     def plot(self, path: str | Path | None = None, names: Iterable[str] | None = None) -> object:
         """Draw what is recorded, by group, or `names`, with an axis for each unit; returns the figure.

@@ -249,8 +249,9 @@ class Engine:
 
 def _some(places: Integers) -> Integers:
     """A few groups that stand for all of them."""
-    count = min(len(places), REPRESENTATIVES)
-    return places[np.linspace(0, len(places) - 1, count).astype(np.int64)]
+    if len(places) <= REPRESENTATIVES:
+        return places
+    return places[np.linspace(0, len(places) - 1, REPRESENTATIVES).astype(np.int64)]
 
 
 def own_settings(

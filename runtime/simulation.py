@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,7 +53,7 @@ class GroupSettings:
     min_step: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Settings:
     """Those of all groups: the distinct ones, and which each group has, by place."""
 
@@ -63,15 +64,17 @@ class Settings:
         """The settings of one group."""
         return self.distinct[int(self.of[place])]
 
-    def column(self, name: str) -> Floats:
-        """A number of each group."""
-        return np.array([getattr(s, name) for s in self.distinct], np.float64)[self.of]
+    @cached_property
+    def numbers(self) -> Floats:
+        """rtol, atol, max_step, min_step of each group: (4, groups)."""
+        rows = [(s.rtol, s.atol, s.max_step, s.min_step) for s in self.distinct]
+        return np.array(rows, np.float64).reshape(-1, 4).T[:, self.of]
 
     @property
     def methods(self) -> list[str]:
         """The method of each group."""
         names = [s.method for s in self.distinct]
-        return [names[k] for k in self.of.tolist()]
+        return names * len(self.of) if len(names) == 1 else [names[k] for k in self.of.tolist()]
 
 
 class Simulation:
@@ -106,7 +109,6 @@ class Simulation:
         prototype = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
         self._advance: Callable[[int, int], float] = prototype(self.program.advance)
         self._budget = 64
-        self._watch = Watch(self._abandon)
         #: The step under way when an extern failed: its group, where that group stood, how many segments it had.
         self._abandoned = (0, start, 0)
         self._failed: ExternError | None = None
@@ -120,12 +122,10 @@ class Simulation:
         if not (nominal > 0.0).all():
             name, place = self.system.state_at(int(np.argmin(nominal > 0.0)))
             raise SettingError(f"the `nominal` of `{name}` ({place}) must be positive")
-        atol = self.settings.column("atol")
+        rtol, atol, groups["max_step"][:count], groups["min_step"][:count] = self.settings.numbers
         block[layout.scales] = atol[layout.group_of_state] * nominal
         groups["t"][:], groups["stop"][:] = self.start, self.stop
-        groups["floor"][:count] = atol
-        for name in ("rtol", "max_step", "min_step"):
-            groups[name][:count] = self.settings.column(name)
+        groups["rtol"][:count], groups["floor"][:count] = rtol, atol
 
     def advance(
         self, progress: Callable[[float], None] | None = None, most_steps: int | None = None
@@ -182,7 +182,7 @@ class Simulation:
         if not self.program.links.called_back:
             return self._advance(self.run.address, self.groups.address)
         try:
-            with self._watch.over():
+            with Watch(self._abandon).over():
                 return self._advance(self.run.address, self.groups.address)
         except (ExternError, KeyboardInterrupt) as error:
             g, t, count = self._abandoned

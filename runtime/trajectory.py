@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime import records
-from hierc.runtime.columns import firsts, labelled
+from hierc.runtime.columns import firsts
 from hierc.runtime.elements import Elements
 from hierc.runtime.machine.dialect import RecordArray
 from hierc.runtime.machine.program import Program
@@ -126,19 +126,20 @@ class Trajectories(Sequence[GroupTrajectory]):
 
         Before a group's first step its initial states hold, after its last knot what its last segment says.
         """
-        wanted, back = labelled(positions)
-        places = np.searchsorted(self.elements.group_offsets, wanted, "right") - 1
-        out = np.broadcast_to(self.initial[wanted], (len(t), len(wanted)))
+        places = np.searchsorted(self.elements.group_offsets, positions, "right") - 1
         moving = self._integrated[places]
-        if moving.any():
-            assert self.program is not None
-            values = _sampled(self.program, *self._requests(wanted[moving], places[moving]), t)
-            out = values if moving.all() else out.copy()
-            out[:, moving] = values
-        return np.asarray(out[:, back])
+        if not moving.any():
+            return np.tile(self.initial[positions], (len(t), 1))
+        assert self.program is not None
+        values = _sampled(self.program, *self._requests(positions[moving], places[moving]), t)
+        if len(values.T) == len(positions):
+            return values
+        out = np.tile(self.initial[positions], (len(t), 1))
+        out[:, moving] = values
+        return out
 
     def _requests(self, positions: Integers, places: Integers) -> tuple[RecordArray, Integers]:
-        """One request a group for the states at these positions, which are in ascending order; the places of their coefficients."""
+        """Requests for the states at these positions, one for neighbours in the same group; the places of their coefficients."""
         assert self.records is not None
         assert self.tracks is not None
         begins = firsts(places)

@@ -194,7 +194,7 @@ def test_tolerances_follow_the_cascade() -> None:
     finished = run(model, 1.0)
     assert finished.status.ok
     settings = {"rtol": 1e-6, "atol": 1e-6, "method": "radau9", "max_step": math.inf, "min_step": 0.0}
-    rtol = model.engine.group_settings(settings, {}).column("rtol")
+    rtol = model.engine.group_settings(settings, {}).numbers[0]
     assert rtol[-4:] / 1e-6 == pytest.approx([0.03, 0.09, 0.3, 1.0])
     assert rtol[:-3] / 1e-6 == pytest.approx([0.03] * 18)
 
