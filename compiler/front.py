@@ -40,7 +40,7 @@ from hierc.compiler.resolve.declarations import Library
 from hierc.compiler.resolve.errors import DeclaredTwice
 from hierc.compiler.resolve.names import Names, check_names, names_of
 from hierc.compiler.resolve.outside import Given, check_given
-from hierc.compiler.shapes.environment import Budget
+from hierc.compiler.shapes.environment import Budget, Environment
 from hierc.compiler.structure.elaboration import elaborate
 from hierc.compiler.structure.experiments import (
     Choice,
@@ -150,17 +150,22 @@ def _model(
     gifts = resolve_gifts(library, choice.experiment, outline, problems)
     problems.stop_on_errors()
     if choice.experiment is not None:
-        check_experiment_units(library, choice.experiment, problems, strict=strict_units)
+        check_experiment_units(library, names, choice.experiment, problems, strict=strict_units)
         problems.stop_on_errors()
     agents, parameters = elaborate(context, outline, ParameterBuilder(context, gifts.arguments, overrides))
     problems.stop_on_errors()
     check_given(parameters.entries, overrides)
-    check_gifts(gifts, agents, context.environment(), problems)
+    check_gifts(gifts, agents, _outside(context, parameters), problems)
     problems.stop_on_errors()
     flat = flatten(context, agents, parameters, choice.experiment, gifts.initials)
     check_loops(flat, problems)
     problems.stop_on_errors()
     return _arranged(context, flat, parameters, choice)
+
+
+def _outside(context: Context, parameters: Parameters) -> Environment:
+    """What an experiment sees: the file's constants, and the parameters of the agent that runs."""
+    return replace(context.environment(), scope=parameters.by_instance[0])
 
 
 def _arranged(context: Context, flat: Flat, parameters: Parameters, choice: Choice) -> Model:
@@ -176,7 +181,7 @@ def _arranged(context: Context, flat: Flat, parameters: Parameters, choice: Choi
     groups = tuple(moved.group(family) for family in grouping.families)
     variables = tuple(replace(v, elements=moved.sources(v.elements)) for v in made.variables)
     experiment = resolve_experiment(
-        choice.experiment, context.environment(), nodes, groups, variables, problems
+        choice.experiment, _outside(context, parameters), nodes, groups, variables, problems
     )
     problems.stop_on_errors()
     warn_of_jumps(nodes, problems)

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from hierc.compiler.collector import Collector
 from hierc.compiler.imports.views import View, definitions
 from hierc.compiler.resolve.declarations import Agent, Library, declare
+from hierc.compiler.resolve.names import is_own
 from hierc.grammar import tree
 
 T = TypeVar("T")
@@ -58,12 +59,19 @@ def _renamed(view: View, own: Mapping[str, str], words: set[str]) -> list[tree.I
                 pass
             case tree.Experiment():
                 if not view.module.name:
-                    found.append(renaming.node(item, NOTHING))
+                    found.append(_experiment(item, renaming, view.scope.agents))
             case _:
                 new = renaming.node(item, _hidden(item, view.own.agents))
                 name = own.get(item.name.text, item.name.text)
                 found.append(replace(new, name=tree.Name(item.name.span, name)))
     return found
+
+
+def _experiment(item: tree.Experiment, renaming: _Renaming, agents: Mapping[str, Agent]) -> tree.Experiment:
+    """An experiment: the names of its agent come first, but not in what it gives to that agent's own parameters."""
+    inside = frozenset(agents[item.agent.text].names())
+    args = tuple(renaming.node(arg, NOTHING if is_own(arg) else inside) for arg in item.args)
+    return replace(renaming.node(item, inside), args=args)
 
 
 def _hidden(item: tree.Item, agents: Mapping[str, Agent]) -> frozenset[str]:

@@ -156,6 +156,15 @@ class Library:
         return tuple(n for n, agent in self.agents.items() if agent.definition.span.file is self.file.source)
 
 
+def owner_of(library: Library, top: Agent, path: tree.Path) -> Agent | None:
+    """The agent that the last name of a path belongs to; None where there is none."""
+    at: Agent | None = top
+    for step in path.steps[:-1]:
+        sub = at.subs.get(step.name.text) if at is not None else None
+        at = library.agents.get(sub.instance.agent.text) if sub is not None else None
+    return at
+
+
 def declare(file: tree.File, problems: Collector) -> Library:
     """Sort the definitions of `file`; report what is declared twice or not supported."""
     values = _Names(problems)

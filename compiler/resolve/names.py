@@ -64,14 +64,14 @@ def check_names(library: Library, scope: Library, problems: Collector) -> None:
         names.check_shadowing(const.name, file_level=True)
     for func in library.funcs.values():
         _check_function(scope, func, problems)
-    recorded = frozenset(_recorded(library))
+    recorded = set(_recorded(library))
+    for experiment in library.experiments.values():
+        recorded |= _check_experiment(scope, experiment, problems)
     for agent in library.agents.values():
         used = _AgentChecker(scope, agent, parameter_lets(agent, scope.consts), problems).check()
         order_of_lets(agent, problems)
         order_of_consts(agent.consts, problems)
         _warn_of_unused(agent, used | recorded, problems)
-    for experiment in library.experiments.values():
-        _check_experiment(scope, experiment, problems)
 
 
 def _warn_of_unused(agent: Agent, used: Set[str], problems: Collector) -> None:
@@ -294,32 +294,63 @@ def unknown_agent(agent: tree.Dotted, scope: Library) -> UnknownAgent:
     return UnknownAgent(agent.span, name=agent.text, candidates=tuple(scope.agents), module=module)
 
 
-def _check_experiment(library: Library, experiment: tree.Experiment, problems: Collector) -> None:
-    """The agent is there. The expressions use the file's constants; those of couplings also the time."""
-    if experiment.agent.text not in library.agents:
+def _check_experiment(library: Library, experiment: tree.Experiment, problems: Collector) -> set[str]:
+    """The agent is there. What its own parameters are given uses the file's constants; all other expressions also what the agent has that is known
+    before a run, and those of couplings the time. Returns the names of the agent that are used.
+    """
+    agent = library.agents.get(experiment.agent.text)
+    if agent is None:
         problems.add(unknown_agent(experiment.agent, library))
     where = f"experiment `{experiment.name.text}`"
-    scope = FileScope(library, problems, where, "an argument or setting of an experiment")
-    scope.check_all(arg.value for arg in experiment.args)
+
+    used: set[str] = set()
+
+    def inside(place: str) -> FileScope:
+        if agent is None:
+            return FileScope(library, problems, where, place)
+        lets = parameter_lets(agent, library.consts)
+        made = AgentScope(library, problems, agent, place, agent.params, lets, all_names=False)
+        made.where, made.used = where, used
+        return made
+
+    outside = FileScope(library, problems, where, "an argument of an experiment")
+    scope = inside("an argument or setting of an experiment")
+    for arg in experiment.args:
+        (outside if is_own(arg) else scope).check(arg.value)
+        scope.check_all(_subscripts((arg.path,)))
     for item in experiment.items:
-        scope.check_all(_subscripts(item))
+        scope.check_all(_subscripts(paths_of(item)))
         if isinstance(item, tree.InitBlock):
             scope.check_all(initial.value for initial in item.values)
         elif isinstance(item, tree.Setting | tree.GroupSettings):
             settings = item.settings if isinstance(item, tree.GroupSettings) else (item,)
             scope.check_all(s.value for s in settings if s.name.text in _NUMBERS)
-    timed = FileScope(library, problems, where, "a coupling")
+    timed = inside("a coupling")
     timed.timeless = False
     timed.check_all(bind.value for bind in experiment.bindings)
+    return used
 
 
-def _subscripts(item: tree.ExpItem) -> Iterator[tree.Expr]:
-    """The subscripts in the paths of an experiment's item."""
-    paths: list[tree.Path] = []
-    if isinstance(item, tree.InitBlock):
-        paths = [initial.path for initial in item.values]
-    elif isinstance(item, tree.Record):
-        paths = [pattern.path for pattern in item.patterns]
+def is_own(arg: tree.ExpArg) -> bool:
+    """Whether an experiment's argument gives a parameter of the agent that runs, not of one in it."""
+    return len(arg.path.steps) == 1
+
+
+def paths_of(item: tree.ExpItem) -> tuple[tree.Path, ...]:
+    """The paths in an experiment's item."""
+    match item:
+        case tree.InitBlock(values=values):
+            return tuple(initial.path for initial in values)
+        case tree.Record(patterns=patterns):
+            return tuple(pattern.path for pattern in patterns)
+        case tree.GroupSettings(path=path):
+            return (path,)
+        case _:
+            return ()
+
+
+def _subscripts(paths: Iterable[tree.Path]) -> Iterator[tree.Expr]:
+    """The subscripts in some paths."""
     for path in paths:
         for step in path.steps:
             yield from subscripts(step.subs)

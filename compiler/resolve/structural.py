@@ -1,14 +1,16 @@
 """Structural parameters: those that reach a size, a range, an index or the choice of a coupling.
 
 In: a `Library` with right names. Out: for each agent the names of its structural parameters. Their values are built into the model; all others
-can change between runs. A parameter is structural for all instances of its agent alike, and so is every parameter it is computed from.
+can change between runs. What settings and paths of an experiment use is structural too. A parameter is structural for all instances of its agent
+alike, and so is every parameter it is computed from.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from hierc.compiler.resolve.declarations import Agent, Library
+from hierc.compiler.resolve.declarations import Agent, Library, owner_of
+from hierc.compiler.resolve.names import is_own, paths_of
 from hierc.compiler.resolve.ordering import ordered, references
 from hierc.compiler.walk import Visit, subscripts, visit
 from hierc.grammar import tree
@@ -34,8 +36,51 @@ def structural_parameters(library: Library) -> Mapping[str, frozenset[str]]:
             index = sub.instance.index.index.text if sub.instance.index is not None else None
             fixed = [arg.value for arg in sub.instance.args if arg.name.text in inner]
             names.update(name for value in fixed for name in _names(value) if name != index)
+        for experiment in library.experiments.values():
+            if experiment.agent.text == name:
+                names.update(_of_experiment(library, agent, experiment, found, fixed_by))
         found[name] = _closure(agent, names)
     return found
+
+
+def _of_experiment(
+    library: Library,
+    agent: Agent,
+    experiment: tree.Experiment,
+    structural: Mapping[str, frozenset[str]],
+    fixed_by: Mapping[str, frozenset[int]],
+) -> Iterator[str]:
+    """Names that an experiment of an agent needs when compiling: those in settings, in subscripts of paths, and in what structural parameters of
+    agents inside are given.
+    """
+    inner = [arg for arg in experiment.args if not is_own(arg)]
+    values = [arg.value for arg in inner] + [bind.value for bind in experiment.bindings]
+    paths = [arg.path for arg in inner]
+    fixed: list[tree.Expr] = []
+    for item in experiment.items:
+        paths += paths_of(item)
+        match item:
+            case tree.InitBlock(values=initials):
+                values += [initial.value for initial in initials]
+            case tree.Setting():
+                fixed += _numbers((item,))
+            case tree.GroupSettings(settings=settings):
+                fixed += _numbers(settings)
+            case _:
+                pass
+    for arg in inner:
+        owner = owner_of(library, agent, arg.path)
+        if owner is not None and arg.path.steps[-1].name.text in structural[owner.name]:
+            fixed.append(arg.value)
+    fixed += [sub for path in paths for step in path.steps for sub in subscripts(step.subs)]
+    yield from _fixed_names(values, fixed_by)
+    for value in fixed:
+        yield from _names(value)
+
+
+def _numbers(settings: Iterable[tree.Setting]) -> list[tree.Expr]:
+    """The values of settings that are no words."""
+    return [setting.value for setting in settings if setting.name.text != "method"]
 
 
 def _names(expr: tree.Expr) -> list[str]:

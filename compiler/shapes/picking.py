@@ -12,6 +12,7 @@ from hierc.compiler.shapes.environment import Environment
 from hierc.compiler.shapes.errors import IndexOutside, WrongIndexCount
 from hierc.compiler.shapes.values import Value, index_value
 from hierc.grammar import tree
+from hierc.grammar.source import Span
 
 
 def picked(ref: tree.Ref, value: Value, indices: list[list[Index]], env: Environment) -> Value:
@@ -41,7 +42,9 @@ def picked(ref: tree.Ref, value: Value, indices: list[list[Index]], env: Environ
     shape = tuple(
         len(choice) for choice, sub in zip(indices, last.subs, strict=True) if isinstance(sub, tree.Range)
     )
-    return Value(value.scalar, shape, tuple(_gathered(value.elements, place, ref, env) for place in places))
+    return Value(
+        value.scalar, shape, tuple(gathered(value.elements, place, ref.span, env) for place in places)
+    )
 
 
 def _common_length(indices: list[list[Index]]) -> int:
@@ -52,7 +55,7 @@ def _common_length(indices: list[list[Index]]) -> int:
 MAX_CHOICES = 1_000
 
 
-def _gathered(elements: tuple[Expr, ...], places: Integers, ref: tree.Ref, env: Environment) -> Expr:
+def gathered(elements: tuple[Expr, ...], places: Integers, span: Span, env: Environment) -> Expr:
     """One scalar in which each element of an array takes the one of `elements` at its own place."""
     assert env.gathering is not None
     used, which = np.unique(places, return_inverse=True)
@@ -62,20 +65,18 @@ def _gathered(elements: tuple[Expr, ...], places: Integers, ref: tree.Ref, env: 
     numbers = [leaf.value for leaf in leaves if isinstance(leaf, Number)]
     if len(numbers) == len(leaves):
         if all(number.is_integer() for number in numbers):
-            return index_value(column(np.array(numbers).astype(np.int64)[which]), ref.span)
-        return Gather(ref.span, "parameter", column(env.gathering.table(tuple(numbers)) + which))
+            return index_value(column(np.array(numbers).astype(np.int64)[which]), span)
+        return Gather(span, "parameter", column(env.gathering.table(tuple(numbers)) + which))
     gathers = [leaf for leaf in leaves if isinstance(leaf, Gather)]
     if len(gathers) == len(leaves) and len({gather.kind for gather in gathers}) == 1:
         table = np.stack([expanded(gather.at, len(places)) for gather in gathers])
-        return Gather(ref.span, gathers[0].kind, column(table[which, np.arange(len(places))]))
+        return Gather(span, gathers[0].kind, column(table[which, np.arange(len(places))]))
     if len(leaves) > MAX_CHOICES:
         raise Rejected(
-            ModelTooLarge(
-                ref.span, what=f"a choice of {len(leaves)} expressions by an index", limit=MAX_CHOICES
-            )
+            ModelTooLarge(span, what=f"a choice of {len(leaves)} expressions by an index", limit=MAX_CHOICES)
         )
     chosen = elements[int(used[-1])]
     for place in used[-2::-1].tolist():
-        here = index_value(column((places == place).astype(np.int64)), ref.span)
-        chosen = Choose(ref.span, here, elements[place], chosen)
+        here = index_value(column((places == place).astype(np.int64)), span)
+        chosen = Choose(span, here, elements[place], chosen)
     return chosen

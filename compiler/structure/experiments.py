@@ -158,7 +158,7 @@ def resolve_gifts(
 
 
 def check_gifts(gifts: Gifts, agents: Sequence[Instance], env: Environment, problems: Collector) -> None:
-    """Whether there are all elements of arrays that gifts are for. `agents`: the blocks of all arrays; `env` is the file's scope."""
+    """Whether there are all elements of arrays that gifts are for. `agents`: the blocks of all arrays; `env` is the scope of the experiment."""
     blocks: dict[int, list[Instance]] = {}
     for agent in agents:
         blocks.setdefault(agent.outline, []).append(agent)
@@ -216,7 +216,7 @@ def resolve_experiment(
     variables: Sequence[Variable],
     problems: Collector,
 ) -> Experiment:
-    """What the experiment says, against the finished model. `env` is the file's scope."""
+    """What the experiment says, against the finished model. `env` is the scope of the experiment."""
     if experiment is None:
         return Experiment(None, Settings(), (), (), ())
     resolver = _Resolver(env, nodes, groups, variables, problems)

@@ -26,7 +26,8 @@ from hierc.compiler.shapes.environment import Environment, Reduction, Values
 from hierc.compiler.shapes.evaluate import evaluate, expected, selected, span_of
 from hierc.compiler.shapes.operations import Sharing, condition
 from hierc.compiler.shapes.terms import cut, rewritten
-from hierc.compiler.shapes.values import Shape, Value, element_names, index_value, is_leaf, number
+from hierc.compiler.shapes.values import Value, element_names, index_value, is_leaf, number
+from hierc.compiler.structure.each import given, indices_around
 from hierc.compiler.structure.fan_in import FanIns
 from hierc.compiler.structure.flat import Flat, FlatDefinition, FlatState
 from hierc.compiler.structure.instances import Instance
@@ -246,7 +247,7 @@ class _Flattener:
         """Evaluate the couplings of an agent among the names of the one around it."""
         if instance.parent is None:
             bindings = self._experiment.bindings if self._experiment else ()
-            env = replace(self._file, sharing=self._environment(instance).sharing)
+            env = replace(self._outside, sharing=self._environment(instance).sharing)
         else:
             bindings = instance.instance.bindings if instance.instance else ()
             env = self._environment(instance, self._instances[instance.parent])
@@ -346,40 +347,46 @@ class _Flattener:
     def _initial(self, instance: Instance, variable: Variable, indices: Sequence[int]) -> None:
         """What the declaration says, and over it what the experiment gives: to all or some elements, of a vector or of an array."""
         name, own = variable.name, self._environment(instance)
-        outside = replace(self._file, sharing=own.sharing)
+        outside = replace(self._outside, sharing=own.sharing, gathering=self._parameters.tables)
         shape = self.storage.shapes[instance.id][name]
-        given: dict[int, tree.Path] = {}
+        first: dict[int, tree.Path] = {}
         gifts = self._initials.get((instance.outline, name), ())
         values: list[Expr | None] = [None] * len(indices)
         if variable.declarator.initial is not None and not any(
             g.whole and not g.path.steps[-1].subs for g in gifts
         ):
-            values = list(self._start(name, variable.declarator.initial, shape, own))
-        for gift, mask in in_order(gifts, instance.domain, outside):
+            initial = variable.declarator.initial
+            values = list(expected(evaluate(initial, own), "real", shape, f"`{name}`", initial).elements)
+        around = indices_around(instance, self._instances, self._parameters_seen) if gifts else []
+        for gift, mask in in_order(gifts, instance.domain, around, outside):
             path = gift.path
             part, places = elements(path.steps[-1].subs, path.text, shape, path, outside)
-            start = self._start(name, gift.value, part, outside)
+            gift_value = given(gift, len(part), instance, around, outside)
+            start = expected(gift_value, "real", part, f"`{name}`", gift.value).elements
             for place, value in zip(places, start, strict=True):
                 before = values[place]
                 values[place] = value if before is None or mask.all() else _over(mask, value, before, path)
-            twice = next((given[p] for p in places if p in given and gift.whole), None)
+            twice = next((first[p] for p in places if p in first and gift.whole), None)
             if twice is not None:
                 self._problems.add(GivenTwice(path.span, name=path.span.text, first=twice.span))
-            given.update(dict.fromkeys(places, path) if gift.whole else {})
+            first.update(dict.fromkeys(places, path) if gift.whole else {})
         for index, start_value in zip(indices, values, strict=True):
             if start_value is not None:
                 self._initial_values[index] = self._shallow(start_value, name, instance)
 
-    def _start(self, name: str, expr: tree.Expr, shape: Shape, env: Environment) -> tuple[Expr, ...]:
-        """Initial values of the scalars of a state."""
-        return expected(evaluate(expr, env), "real", shape, f"`{name}`", expr).elements
+    @property
+    def _outside(self) -> Environment:
+        """What the experiment sees: the parameters of the agent that runs."""
+        return self._parameters_seen(self._instances[0])
+
+    def _parameters_seen(self, instance: Instance) -> Environment:
+        return replace(self._file, scope=self.parameters_of(instance))
 
     def _nominal(self, instance: Instance, variable: Variable, indices: Sequence[int]) -> None:
         expr = variable.declarator.nominal
         if expr is None:
             return
-        env = replace(self._file, scope=self.parameters_of(instance))
-        value = evaluate(expr, env)
+        value = evaluate(expr, self._parameters_seen(instance))
         if value.shape != ():
             value = expected(
                 value, "real", self.storage.shapes[instance.id][variable.name], "the nominal value", expr

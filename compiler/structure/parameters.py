@@ -28,6 +28,7 @@ from hierc.compiler.shapes.environment import Chosen, Environment, NoAgents, Sco
 from hierc.compiler.shapes.evaluate import declared_shape, evaluate, expected
 from hierc.compiler.shapes.terms import rewritten
 from hierc.compiler.shapes.values import Shape, Value, index_value, scalar_of, size_of
+from hierc.compiler.structure.each import given, indices_around, is_for_each
 from hierc.compiler.structure.instances import Instance
 from hierc.compiler.structure.paths import Gift, in_order
 from hierc.compiler.units.units import scale_of
@@ -123,6 +124,7 @@ class ParameterBuilder:
         self._entries: list[model.Parameter] = []
         self._by_instance: list[Values] = []
         self._tables = Tables()
+        self._instances: list[Instance] = []
 
     def result(self) -> Parameters:
         """The parameters of all instances added."""
@@ -143,6 +145,7 @@ class ParameterBuilder:
 
     def add(self, instance: Instance) -> None:
         """Evaluate the parameters, then the `let`s made of them."""
+        self._instances.append(instance)
         own: dict[str, Value] = {}
         consts = self._constants_of(instance)
         refused: dict[str, Rejected] = {}
@@ -162,6 +165,14 @@ class ParameterBuilder:
                 except Rejected as rejection:
                     refused[name] = rejection  # equations can share parts of it, and may still use it
         self._by_instance.append(scope)
+
+    def _own(self, instance: Instance) -> Environment:
+        """What the agents in an agent see of its parameters where these are the same for all elements: sizes."""
+        return replace(self._file, scope=self._by_instance[instance.id])
+
+    def _outside(self) -> Environment:
+        """What an experiment sees: the parameters of the agent that runs. It gives different things to elements of arrays."""
+        return replace(self._own(self._instances[0]), gathering=self._tables)
 
     def _constants_of(self, instance: Instance) -> ByName:
         agent = instance.agent
@@ -219,15 +230,14 @@ class ParameterBuilder:
         value: Value | None = None
         if not any(gift.whole for gift in gifts):
             value = self._written(instance, param, shape, own)
-        for gift, mask in in_order(gifts, instance.domain, self._file):
-            given = self._typed(gift.value, self._file, param, shape)
-            if value is None or mask.all():
-                value = given
-            else:
-                if param.name.text in self._structural[instance.agent.name]:
-                    path = plain(instance.named(param.name.text))
-                    raise Rejected(StructuralElement(gift.path.span, name=param.name.text, path=path))
-                value = overlaid(mask, given, value, gift.path)
+        env = self._file if instance.parent is None else self._outside()
+        around = indices_around(instance, self._instances, self._own) if gifts else []
+        for gift, mask in in_order(gifts, instance.domain, around, env):
+            if param.name.text in self._structural[instance.agent.name]:
+                self._check_alike(gift, instance, param, len(shape), env)
+            gift_value = given(gift, len(shape), instance, around, env)
+            typed = self._typed(gift_value, param, shape, gift.value)
+            value = typed if value is None or mask.all() else overlaid(mask, typed, value, gift.path)
         if value is None:
             raise Rejected  # reported where the argument is missing
         return value
@@ -239,15 +249,19 @@ class ParameterBuilder:
             expr = next((arg.value for arg in sub.args if arg.name.text == param.name.text), None)
             if expr is not None:
                 env = self.environment(instance.parent, instance.domain, sub.index)
-                return self._typed(expr, env, param, shape)
+                return self._typed(evaluate(expr, env), param, shape, expr)
         if param.default is None:
             raise Rejected  # reported where the argument is missing
-        return self._typed(param.default, own, param, shape)
+        return self._typed(evaluate(param.default, own), param, shape, param.default)
 
-    def _typed(self, expr: tree.Expr, env: Environment, param: tree.Param, shape: Shape) -> Value:
-        value = expected(
-            evaluate(expr, env), param.type.scalar, shape, f"parameter `{param.name.text}`", expr
-        )
+    def _check_alike(self, gift: Gift, to: Instance, param: tree.Param, rank: int, env: Environment) -> None:
+        """A structural parameter is given to all agents of an array alike."""
+        if not gift.whole or is_for_each(gift, rank, env):
+            name = param.name.text
+            raise Rejected(StructuralElement(gift.path.span, name=name, path=plain(to.named(name))))
+
+    def _typed(self, value: Value, param: tree.Param, shape: Shape, expr: tree.Expr) -> Value:
+        value = expected(value, param.type.scalar, shape, f"parameter `{param.name.text}`", expr)
         return replace(value, elements=tuple(measured(e) for e in value.elements))
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,19 +72,30 @@ def elements_of(elements: Sequence[Sub | None], domain: Domain, env: Environment
     return mask
 
 
-def in_order(gifts: Iterable[Gift], domain: Domain, env: Environment) -> list[tuple[Gift, NDArray[np.bool_]]]:
-    """Gifts with the elements that they are for, those for more elements first: so that the one that means fewer elements holds.
+def in_order(
+    gifts: Iterable[Gift], domain: Domain, around: Sequence[range], env: Environment
+) -> list[tuple[Gift, NDArray[np.bool_]]]:
+    """Gifts with the elements of a block that they are for, those for more elements of the array first: so that the one that means fewer holds.
 
-    Raises Rejected (E214) where two that mean equally many give something to the same element.
+    `around`: the indices of each array around the block. Raises Rejected (E214) where two that mean equally many give something to the same element.
     """
     marked = [(gift, elements_of(gift.elements, domain, env)) for gift in gifts]
-    marked.sort(key=lambda pair: -int(pair[1].sum()))
+    sizes = {id(gift): _meant(gift, around, env) for gift, _ in marked}
+    marked.sort(key=lambda pair: -sizes[id(pair[0])])
     for k, (gift, mask) in enumerate(marked):
         for other, others in marked[:k]:
-            same = others.sum() == mask.sum() and (mask & others).any()
+            same = sizes[id(other)] == sizes[id(gift)] and (mask & others).any()
             if same and gift.path.steps[-1].subs == other.path.steps[-1].subs == ():
                 raise Rejected(GivenTwice(gift.path.span, name=gift.path.span.text, first=other.path.span))
     return [(gift, mask) for gift, mask in marked if mask.any()]
+
+
+def _meant(gift: Gift, around: Sequence[range], env: Environment) -> int:
+    """How many elements something is given to."""
+    return prod(
+        len(span_of(sub, env)) if isinstance(sub, tree.Range) else len(whole) if sub is None else 1
+        for sub, whole in zip(gift.elements, around, strict=True)
+    )
 
 
 def find(path: tree.Path, instances: Sequence[Instance]) -> Named:

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from hierc.compiler.collector import Collector, Rejected
-from hierc.compiler.resolve.declarations import Agent, Equation, Library
-from hierc.compiler.resolve.names import Names
+from hierc.compiler.resolve.declarations import Agent, Equation, Library, owner_of
+from hierc.compiler.resolve.names import Names, is_own
 from hierc.compiler.units.agreement import Differ, Operand, Rules, named, operand
 from hierc.compiler.units.errors import CouplingUnits, RateUnitsDiffer, Side, UnitsDiffer
 from hierc.compiler.units.functions import ANY_NUMBER, needed
@@ -52,27 +52,28 @@ def check_units(library: Library, names: Names, problems: Collector, *, strict: 
 
 
 def check_experiment_units(
-    library: Library, experiment: tree.Experiment, problems: Collector, *, strict: bool
+    library: Library, names: Names, experiment: tree.Experiment, problems: Collector, *, strict: bool
 ) -> None:
     """Check the arguments, couplings, initial values and settings of an experiment whose names are right."""
     file = _Checker(_inference(library, problems, strict))
     top = library.agents[experiment.agent.text]
+    inside = _of_agent(file.inference.shared, top, names.lets[top.name])
     for arg in experiment.args:
-        owner = _owner(library, top, arg.path)
+        owner = owner_of(library, top, arg.path)
         if owner is not None and (param := owner.params.get(arg.path.steps[-1].name.text)) is not None:
-            file.argument(param, arg.value, arg.span)
+            (file if is_own(arg) else inside).argument(param, arg.value, arg.span)
     for bind in experiment.bindings:
-        file.coupling(top, bind)
+        inside.coupling(top, bind)
     for item in experiment.items:
         match item:
             case tree.InitBlock(values=values):
                 for initial in values:
-                    file.initial(_owner(library, top, initial.path), initial)
+                    inside.initial(owner_of(library, top, initial.path), initial)
             case tree.Setting():
-                file.setting(item)
+                inside.setting(item)
             case tree.GroupSettings(settings=settings):
                 for setting in settings:
-                    file.setting(setting)
+                    inside.setting(setting)
             case _:
                 pass
 
@@ -100,15 +101,6 @@ def _declared_units(library: Library) -> Iterator[tree.Unit]:
         found += [variable.declarator.unit for variable in agent.variables.values()]
         found += [let.let.unit for let in agent.lets.values()]
     return (unit for unit in found if unit is not None)
-
-
-def _owner(library: Library, top: Agent, path: tree.Path) -> Agent | None:
-    """The agent that the last name of a path belongs to."""
-    at: Agent | None = top
-    for step in path.steps[:-1]:
-        sub = at.subs.get(step.name.text) if at is not None else None
-        at = library.agents.get(sub.instance.agent.text) if sub is not None else None
-    return at
 
 
 # ---- one agent ------------------------------------------------------------------------------------------------------------------------
@@ -153,12 +145,18 @@ def variable_unit(agent: Agent, name: str) -> Quantity:
     return UNKNOWN if variable is None else declared(variable.declarator.unit, variable.decl.type.scalar)
 
 
-def _check_agent(shared: Shared, agent: Agent, lets: tuple[str, ...]) -> None:
-    """Check all expressions of one agent."""
+def _of_agent(shared: Shared, agent: Agent, lets: tuple[str, ...]) -> _Checker:
+    """A checker in the scope of an agent, whose `let`s it has checked."""
     scope = AgentScope(shared.library, agent, FileScope(shared.library, {}))
     checker = _Checker(Inference(shared, scope))
     for name in lets:
         scope.lets[name] = checker.let(agent.lets[name].let)
+    return checker
+
+
+def _check_agent(shared: Shared, agent: Agent, lets: tuple[str, ...]) -> None:
+    """Check all expressions of one agent."""
+    checker = _of_agent(shared, agent, lets)
     for param in agent.params.values():
         checker.param(param)
     for const in agent.consts.values():
