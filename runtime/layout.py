@@ -27,9 +27,9 @@ Integers = NDArray[np.int64]
 _LINE = 8
 #: Segments a group has room for at first; fewer, but not below the least, where all groups' would take more than so many bytes.
 _ROOM, _LEAST_ROOM, _FIRST_BYTES = 256, 16, 256 << 20
-#: Parts of the block that the groups' records point into.
+#: Parts of the block that the groups' records point into, by fields side by side.
 _ARRAYS = ("x", "p", "absolute", "u", "work")
-_POINTERS = [records.Group.numbers()[name] for name in _ARRAYS]
+_POINTERS = slice(records.Group.numbers()["x"], records.Group.numbers()["work"] + 1)
 
 
 def cohorts(wiring: Sequence[Wiring], labels: Integers) -> list[tuple[int, int, Integers]]:
@@ -44,9 +44,9 @@ def cohorts(wiring: Sequence[Wiring], labels: Integers) -> list[tuple[int, int, 
 class Layout:
     """Group records with everything that no run changes; where a run's own numbers go.
 
-    `records` holds byte offsets in place of addresses. `states`, `values` and `scales` say where in the block of `size` doubles the state vector, the
-    elements' values laid end to end (`value_elements`), and the states' error scales go. `strides` counts the doubles of each group's segments, for `room`
-    of which there is place at first. Groups of one form whose method keeps nothing between steps share one place to work.
+    `records` holds byte offsets in place of addresses. `states`, `values` and `scales` say where in the block of `size` doubles the state vector, those of
+    all values that are wanted (`wanted`), and the states' error scales go. For a group's segments there are `rooms` doubles at first. Groups of one form
+    whose method keeps nothing between steps share one place to work.
     """
 
     def __init__(
@@ -55,7 +55,6 @@ class Layout:
         """`methods`: one a place."""
         count = elements.groups
         self.records = RecordArray(records.Group, count)
-        self.strides = np.zeros(count, np.int64)
         self.lengths = {name: np.zeros(count, np.int64) for name in _ARRAYS}
         known = list(every_method().values())
         codes = {method.name: k for k, method in enumerate(known)}
@@ -72,11 +71,12 @@ class Layout:
         self.states = spread(offsets["x"], elements.group_states)
         self.scales = spread(offsets["absolute"], elements.group_states)
         self.group_of_state = np.repeat(np.arange(count), elements.group_states)
-        self.value_elements, self.values = _values(elements, wiring, offsets["p"])
+        self.wanted, self.values = _values(elements, wiring, offsets["p"])
         self._read(wiring)
-        room = _FIRST_BYTES // (8 * int(self.strides.sum()) or 1)
-        self.room = min(max(room, _LEAST_ROOM), _ROOM)
-        self.records["capacity"][:] = self.room
+        strides = self.records["stride"][:count]
+        room = min(max(_FIRST_BYTES // (8 * int(strides.sum()) or 1), _LEAST_ROOM), _ROOM)
+        self.rooms: Integers = room * strides
+        self.records["capacity"][:] = room
         self.records["most_steps"][:] = np.iinfo(np.int64).max
 
     def _describe(
@@ -102,7 +102,6 @@ class Layout:
         }
         for name, fact in facts.items():
             self.records[name][places] = fact
-        self.strides[places] = stride
         sizes = (2 * form.states, values, form.states, form.inputs * method.input_rows, made.work)
         for name, size in zip(_ARRAYS, sizes, strict=True):
             self.lengths[name][places] = size
@@ -161,14 +160,16 @@ def _counts(wiring: Sequence[Wiring], counts: Sequence[int]) -> Integers:
 
 
 def _values(elements: Elements, wiring: Sequence[Wiring], offsets: Integers) -> tuple[Integers, Integers]:
-    """Elements whose values are wanted, and where in the array each of these values goes."""
+    """Which of all elements' values, laid end to end, are wanted, and where in the array each of them goes."""
+    lengths = np.array([elements.plan.classes[b.kind].values for b in elements.blocks] or [0], np.int64)
+    lengths = lengths[elements.block]
+    firsts = np.cumsum(lengths) - lengths
     wanted: list[Integers] = []
     places: list[Integers] = []
     for w in wiring:
-        sizes = np.array([elements.kind(int(e)).values for e in w.values[0]], np.int64)
-        starts = np.cumsum(sizes) - sizes
-        wanted.append(w.values.ravel())
-        within = np.concatenate([[0], *(a + np.arange(n) for a, n in zip(starts, sizes, strict=True))])[1:]
-        places.append((offsets[w.places][:, None] + within.astype(np.int64)).ravel())
+        used = w.values.ravel()
+        wanted.append(spread(firsts[used], lengths[used]))
+        within = np.arange(int(lengths[w.values[0]].sum()))
+        places.append((offsets[w.places][:, None] + within).ravel())
     none = np.zeros(0, np.int64)
     return np.concatenate([none, *wanted]), np.concatenate([none, *places])

@@ -51,8 +51,8 @@ def evaluate(
     wanted = [variables.find(name) for name in names]
     none = np.zeros(0, np.int64)
     states = trajectories.states(np.concatenate([none, *(w.states for w in wanted)]), t)
-    elements = np.concatenate([none, *(w.elements for w in wanted)])
-    observed = _Observed(system, trajectories, distinct(elements), t)
+    elements = distinct(np.concatenate([none, *(w.elements for w in wanted)]))
+    observed = _Observed(system, trajectories, elements, t)
     found = {}
     first = 0
     for name, w in zip(names, wanted, strict=True):

@@ -56,17 +56,27 @@ class Group(Record):
     contraction: float  # rate/(1 - rate), carried from step to step
     rejections: int  # in a row, at this step
     fresh: int  # 1 where the last segment can predict this step
+    origin: float  # where the history of a multistep method begins
+    spacing: float  # the distance of what it holds of it
+    mark: float  # where its steps must end: the next knot of what it reads
+    grown: float  # when they last became longer
+    ceiling: float  # what failed trials say of their size
     newton_tolerance: float
-    # states, values of parameters, tolerances
+    # order control, of methods whose order varies
+    order_now: int
+    alike: int  # accepted steps of equal size in a row
+    regular: int  # rows of the method's tables that are those of equal steps
+    # states, values of parameters, tolerances; these arrays are parts of one block
     n: int
     x: Array[float]
     p: Array[float]
     absolute: Array[float]  # absolute tolerance of each state
+    u: Array[Lanes]
+    work: Array[Lanes]
     # inputs
     source_count: int
     sources: Array[Source]
     channels: Array[int]  # of each input: place of its coefficients in the segment it is read from
-    u: Array[Lanes]
     inputs: int
     published: int  # channels after the states
     # segments: t0, t1, 1/h, h, then `width` coefficients a channel; the states are the first channels
@@ -77,7 +87,7 @@ class Group(Record):
     stride: int
     width: int
     degree: int
-    # code and workspace
+    # code
     step: int  # addresses: one step with this group's method …
     initial: int  # … and its pieces, see the method
     begin: int
@@ -87,7 +97,7 @@ class Group(Record):
     defect: int
     accept: int
     attempt: int
-    work: Array[Lanes]
+    correct: int
     linear: int  # 1 where the Jacobian is constant: one Newton iteration is exact
     order: float  # of the error estimate: err ~ h**order
     # counters
@@ -99,6 +109,7 @@ class Group(Record):
     jacobians: int
     factorizations: int
     failures: int  # of Newton iterations
+    spacings: int  # of a multistep method's history that were made
 
 
 class Run(Record):

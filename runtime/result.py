@@ -309,15 +309,13 @@ class Result:
         table: dict[str, Floats] = {}
         for selection in self._chosen(names).values():
             values = self._select(self._values[selection.name], selection)
-            rows = values.reshape(
-                len(values), len(selection.chosen), *values.shape[1 + len(selection.shape) :]
-            )
+            indices = list(product(*map(range, values.shape[1 + len(selection.shape) :])))
+            rows = values.reshape(len(values), len(selection.chosen), len(indices))
             subscripts = selection.subscripts
-            indices = list(product(*map(range, rows.shape[2:])))
             for k, element in enumerate(selection.names):
-                for index in indices:
+                for cell, index in enumerate(indices):
                     place = index if subscripts is None else tuple(i - 1 for i in subscripts)
-                    table[element + _subscript(place)] = rows[:, k, *index]
+                    table[element + _subscript(place)] = rows[:, k, cell]
         return table
 
     def _chosen(self, names: Iterable[str] | None) -> dict[str, Selection]:
@@ -379,10 +377,12 @@ class Result:
             selection = self._catalogue.find(name)
         except PathError as error:
             raise KeyError(str(error)) from None
-        shape, subscripts = self._variable(selection).shape, selection.subscripts
-        if subscripts is not None and (
-            len(subscripts) != len(shape)
-            or not all(1 <= i <= n for i, n in zip(subscripts, shape, strict=True))
+        subscripts = selection.subscripts
+        if subscripts is None:
+            return selection
+        shape = self._variable(selection).shape
+        if len(subscripts) != len(shape) or not all(
+            1 <= i <= n for i, n in zip(subscripts, shape, strict=True)
         ):
             size = "is a number" if not shape else f"has the shape {list(shape)}; indices start at 1"
             raise KeyError(f"no element `{name}`: `{selection.name}` {size}")

@@ -41,6 +41,8 @@ PROBE_ATTEMPTS = 24
 LOOKED_AT = 100_000
 #: Groups of a wiring, spread evenly, that stand for all of them when a method is chosen.
 REPRESENTATIVES = 3
+#: Choices of methods that are remembered.
+REMEMBERED = 16
 AUTO = "auto"
 
 
@@ -77,6 +79,7 @@ class Engine:
     plan: Plan
     programs: dict[tuple[str, ...], Program] = field(default_factory=dict)
     layouts: dict[tuple[str, ...], Layout] = field(default_factory=dict)
+    decided: dict[object, Settings] = field(default_factory=dict)
 
     @cached_property
     def elements(self) -> Elements:
@@ -182,7 +185,13 @@ class Engine:
         stop: float,
         announce: Announce | None,
     ) -> Simulation:
-        """A run about to begin, its methods chosen. Where the probe's methods stay, the probe is the run's beginning."""
+        """A run about to begin, its methods chosen. Where the probe's methods stay, the probe is the run's beginning.
+
+        What is chosen follows from the system, the settings and the times alone, so it is remembered for runs that are equal in these.
+        """
+        key = (system.parameters.tobytes(), chosen.distinct, chosen.of.tobytes(), start, stop)
+        if key in self.decided:
+            return Simulation(self, system, self.decided[key], initial, start, stop, announce)
         tried = tuple(replace(s, method=choice.FAVOURITE) if s.method == AUTO else s for s in chosen.distinct)
         probe = Simulation(self, system, Settings(tried, chosen.of), initial, start, stop, announce)
         if all(s.method != AUTO for s in chosen.distinct):
@@ -192,6 +201,9 @@ class Engine:
             decided = self._decide(chosen, probe)
         except ExternError:
             return probe  # going on with it tells of the failure
+        if len(self.decided) == REMEMBERED:
+            del self.decided[next(iter(self.decided))]
+        self.decided[key] = decided
         if decided.methods == probe.settings.methods:
             return probe
         return Simulation(self, system, decided, initial, start, stop, announce)

@@ -70,11 +70,11 @@ class Settings:
         rows = [(s.rtol, s.atol, s.max_step, s.min_step) for s in self.distinct]
         return np.array(rows, np.float64).reshape(-1, 4).T[:, self.of]
 
-    @property
-    def methods(self) -> list[str]:
+    @cached_property
+    def methods(self) -> tuple[str, ...]:
         """The method of each group."""
         names = [s.method for s in self.distinct]
-        return names * len(self.of) if len(names) == 1 else [names[k] for k in self.of.tolist()]
+        return tuple([names[k] for k in self.of.tolist()])
 
 
 class Simulation:
@@ -100,7 +100,7 @@ class Simulation:
         self.initial = initial
         self._fill(self.memory.block)
         count = self.elements.groups
-        self.tracks = Tracks(self.layout.strides, self.layout.room)
+        self.tracks = Tracks(self.layout.rooms)
         self.groups["track"][:count] = self.tracks.addresses
         self.run = RecordArray(records.Run, 1)
         self.run["stop"][0], self.run["groups"][0] = stop, count
@@ -117,7 +117,7 @@ class Simulation:
         """Put the run's own numbers in their places."""
         layout, groups, count = self.layout, self.groups, self.elements.groups
         block[layout.states] = self.initial
-        block[layout.values] = self.system.values_of(layout.value_elements)
+        block[layout.values] = self.system.all_values[layout.wanted]
         nominal = self.system.nominal
         if not (nominal > 0.0).all():
             name, place = self.system.state_at(int(np.argmin(nominal > 0.0)))

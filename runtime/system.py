@@ -78,15 +78,14 @@ class System:
 
     def values_of(self, elements: Integers) -> Floats:
         """The values of some elements, laid end to end."""
-        numbers, firsts, lengths = self._laid
-        return np.asarray(numbers[spread(firsts[elements], lengths[elements])])
+        lengths = np.fromiter(map(len, self.values), np.int64)
+        firsts = np.cumsum(lengths) - lengths
+        return np.asarray(self.all_values[spread(firsts[elements], lengths[elements])])
 
     @cached_property
-    def _laid(self) -> tuple[Floats, Integers, Integers]:
-        """The values of all elements, laid end to end; where each element's begin, and how many they are."""
-        numbers = np.fromiter(chain.from_iterable(self.values), np.float64)
-        lengths = np.fromiter(map(len, self.values), np.int64)
-        return numbers, np.cumsum(lengths) - lengths, lengths
+    def all_values(self) -> Floats:
+        """The values of all elements, laid end to end."""
+        return np.fromiter(chain.from_iterable(self.values), np.float64)
 
     @cached_property
     def nominal(self) -> Floats:

@@ -74,13 +74,13 @@ def _in_small_pages(count: int) -> Floats:
 
 
 class Tracks:
-    """The tracks of all groups: `room` segments for each at first. `addresses` are those of their first segments, `bytes` what they take altogether."""
+    """The tracks of all groups, of so many doubles at first. `addresses` are those of their first segments, `bytes` what they take altogether."""
 
-    def __init__(self, strides: Integers, room: int) -> None:
-        self._strides, self._room = strides, room
-        lengths = room * strides
-        self._firsts: Integers = np.cumsum(lengths) - lengths
-        self._shared: Floats = _in_small_pages(int(lengths.sum()))
+    def __init__(self, lengths: Integers) -> None:
+        self._lengths = lengths
+        ends = np.cumsum(lengths)
+        self._firsts: Integers = ends - lengths
+        self._shared: Floats = _in_small_pages(int(ends[-1]) if len(ends) else 0)
         self._own: dict[int, Track] = {}
         self.addresses: Integers = self._shared.ctypes.data + 8 * self._firsts
         self.bytes = self._shared.nbytes
@@ -90,7 +90,7 @@ class Tracks:
         if g in self._own:
             return self._own[g].array
         first = int(self._firsts[g])
-        return self._shared[first : first + self._room * int(self._strides[g])]
+        return self._shared[first : first + int(self._lengths[g])]
 
     def grow(self, g: int) -> None:
         """Twice the room for a group; what there is stays."""

@@ -128,15 +128,18 @@ class Trajectories(Sequence[GroupTrajectory]):
         """
         places = np.searchsorted(self.elements.group_offsets, positions, "right") - 1
         moving = self._integrated[places]
-        if not moving.any():
-            return np.tile(self.initial[positions], (len(t), 1))
-        assert self.program is not None
-        values = _sampled(self.program, *self._requests(positions[moving], places[moving]), t)
-        if len(values.T) == len(positions):
-            return values
+        if moving.all():
+            return self._moving(positions, places, t)
         out = np.tile(self.initial[positions], (len(t), 1))
-        out[:, moving] = values
+        out[:, moving] = self._moving(positions[moving], places[moving], t)
         return out
+
+    def _moving(self, positions: Integers, places: Integers, t: Floats) -> Floats:
+        """States of groups that have made a step."""
+        if not len(positions):
+            return np.empty((len(t), 0))
+        assert self.program is not None
+        return _sampled(self.program, *self._requests(positions, places), t)
 
     def _requests(self, positions: Integers, places: Integers) -> tuple[RecordArray, Integers]:
         """Requests for the states at these positions, one for neighbours in the same group; the places of their coefficients."""

@@ -17,9 +17,10 @@ from running import METHODS, run
 from scipy.integrate import solve_ivp
 from small_models import DECAY, FOLLOWER, MIXER, OSCILLATOR, PENDULUM, VAN_DER_POL, At, a_class, a_model
 
+import hierc
 from hierc.runtime import kernel, layout, simulation
 from hierc.runtime.model import Model
-from hierc.runtime.run import FinishedRun
+from hierc.runtime.run import REMEMBERED, FinishedRun
 
 Floats = NDArray[np.float64]
 IMPLICIT = METHODS[:3]
@@ -228,6 +229,26 @@ def test_windows_of_any_length(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HIERC_CACHE", "")
     monkeypatch.setattr(kernel, "WINDOW_STEPS", 1.5)
     assert same(usual, run(cascade(), 10.0, 1e-8, method="radau5"))
+
+
+@pytest.mark.parametrize("dense", [False, True])
+def test_a_choice_that_is_remembered_changes_nothing(dense: bool) -> None:
+    """The first run probes, the second knows its methods, and after many others the third probes again."""
+    text = """agent Crowd() {
+  write real[40] x = [0.1*i for i in 1..40];
+  let s = sum(x);
+  diff { for i in 1..40 { x[i]' = 0.02*sin(s*x[i]); } }
+}"""
+    model = hierc.load(text) if dense else cascade()
+    first, second = (run(model, 2.0, 1e-5, method="auto") for _ in range(2))
+    assert len(model.engine.decided) == 1
+    assert (first.groups[0].method == "radau13") is not dense
+    for k in range(REMEMBERED):
+        run(model, 2.0, 1e-3 * 0.9**k, method="auto")
+    assert len(model.engine.decided) == REMEMBERED
+    third = run(model, 2.0, 1e-5, method="auto")
+    assert same(first, second)
+    assert same(first, third)
 
 
 def test_growing_memory(monkeypatch: pytest.MonkeyPatch) -> None:
