@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hierc.runtime.methods.adams import Adams
 from hierc.runtime.methods.dop853 import DOP853
 from hierc.runtime.methods.explicit import Explicit
 from hierc.runtime.methods.fit import FIT
@@ -19,6 +20,7 @@ METHODS: dict[str, Method] = {
         Radau(RADAU13, newton_tolerance=0.01),
         Explicit(TSIT5),
         Explicit(DOP853),
+        Adams(),
     )
 }
 

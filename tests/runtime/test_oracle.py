@@ -19,8 +19,10 @@ from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array
 from hierc.runtime.machine.types import Emitted, LaneConstant, LaneTable
 from hierc.runtime.machine.unit import Unit, parse_function
-from hierc.runtime.methods import explicit, radau, radau_pieces
+from hierc.runtime.methods import adams, adams_pieces, explicit, radau, radau_pieces
+from hierc.runtime.methods.adams import Adams
 from hierc.runtime.methods.catalogue import METHODS
+from hierc.runtime.methods.explicit import Explicit
 from hierc.runtime.methods.radau import Radau
 from hierc.runtime.model import Model
 from hierc.runtime.segments import HEADER
@@ -28,6 +30,12 @@ from hierc.runtime.simulation import Simulation
 
 Floats = NDArray[np.float64]
 ROOM = 64
+#: Where each kind of method has its step and its pieces.
+MODULES = {
+    Radau: (radau, radau_pieces),
+    Explicit: (explicit, explicit),
+    Adams: (adams, adams_pieces),
+}
 
 
 def bound(module: ModuleType, names: dict[str, Any]) -> dict[str, Any]:
@@ -131,8 +139,8 @@ def python_group(simulation: Simulation, g: int) -> SimpleNamespace:
         k: getattr(equations, k) if isinstance(v, Emitted) else python_value(v) for k, v in made.names.items()
     }
     names |= {k: python_value(v) for k, v in method.step_names().items()}
-    pieces = bound(radau_pieces if isinstance(method, Radau) else explicit, names)
-    steps = bound(radau, names) if isinstance(method, Radau) else pieces
+    step_module, piece_module = MODULES[type(method)]
+    pieces, steps = bound(piece_module, names), bound(step_module, names)
     record.step = steps["step"]
     for piece in method.pieces:
         setattr(record, piece.__name__, pieces[piece.__name__])

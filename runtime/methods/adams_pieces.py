@@ -1,0 +1,280 @@
+"""The inner pieces of an Adams step; `adams.py` says what they are for and in what order they run.
+
+The past of a group is kept as modified divided differences (Shampine and Gordon, Computer Solution of Ordinary Differential Equations, 1975, chapter 5):
+row j of the history is the difference of order j, j = 0, 1, …, of the derivatives at the last knots, and, for what other groups read, of its values. For a
+step of size h to the knot t + h they are multiplied by `SCALE` to become those of a polynomial that is the sum of rows of `BASIS`,
+
+    basis_0 = 1,  basis_j(theta) = basis_(j-1)(theta) (theta h + past_(j-1))/(h + past_(j-1)),
+
+past_j being the distance of the j-th knot before the last one. All factors are positive in the step, so powers of theta lose nothing.
+
+Each piece is lowered once for each form of group. Capitals are sizes, and offsets into the workspace, which begins with what is the same for all forms.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from hierc.runtime.machine.dialect import Array, Lanes, at, fma, lane, outlined, splat, unroll
+from hierc.runtime.records import Group
+from hierc.runtime.segments import HEADER, segment
+
+#: The highest order of the predictor; the solution's is one more.
+HIGHEST = 12
+#: Differences kept of everything: for the predictor's polynomial, its corrector's, and the estimate of the error at one order more.
+ROWS = HIGHEST + 2
+#: Steps that are smaller than usual ones by this factor are taken to come to a jump of what other groups read.
+SUSPECT = 1e-2
+
+# Offsets into the workspace: one number a row, then `ROWS` a row.
+PAST = 0  # distance of earlier knots from the last one
+SCALE = PAST + ROWS  # what differences are multiplied by
+MEAN = SCALE + ROWS  # mean of the basis over the step
+GROWTH = MEAN + ROWS  # error estimates: relative to those of equal steps
+EQUAL = GROWTH + ROWS  # error constants of equal steps, by order
+BETWEEN = EQUAL + ROWS  # largest values, between the last two knots, of what the polynomials leave out
+ERRORS = BETWEEN + ROWS  # norms of the changes that the corrector makes, at three orders; of what others read
+BASIS = ERRORS + 4  # coefficients, lowest power first
+FIRST = BASIS + ROWS * ROWS  # where the parts begin whose size depends on the form
+
+if TYPE_CHECKING:  # given by Adams.names
+    N: int
+    WIDTH: int
+    DEGREE: int
+    PUBLISHED: int
+    HISTORY: int
+    SEEN: int
+    OUT: int
+    Y: int
+    NEXT: int
+    F: int
+    CHANGE: int
+    V: int
+    EQUAL_STEPS: tuple[float, ...]
+    LEFT_OUT: tuple[float, ...]
+
+    def rhs_fixed(t: Lanes, u: Array[Lanes], p: Array[float], v: Array[Lanes]) -> None: ...
+    def rhs(
+        t: Lanes, x: Array[Lanes], u: Array[Lanes], p: Array[float], dx: Array[Lanes], v: Array[Lanes]
+    ) -> None: ...
+    def publish(t: Lanes, x: Array[Lanes], u: Array[Lanes], p: Array[float], y: Array[Lanes]) -> None: ...
+
+
+def number(g: Group, place: int) -> float:
+    """A number of the workspace."""
+    return lane(g.work[place], 0)
+
+
+def difference(g: Group, rows: int, count: int, j: int, i: int) -> float:
+    """Difference j of the i-th of `count` channels of a history, as the step under trial has it."""
+    return number(g, SCALE + j) * number(g, rows + j * count + i)
+
+
+def weight(g: Group, i: int) -> float:
+    """One over the tolerance of a state."""
+    return 1.0 / (g.absolute[i] + g.rtol * abs(g.x[i]))
+
+
+@outlined
+def derivative(g: Group, t: float, x: Array[Lanes]) -> None:
+    """The group's right-hand side, its inputs unchanged since `rhs_fixed`."""
+    rhs(splat(t), x, g.u, g.p, at(g.work, F), at(g.work, V))
+
+
+@outlined
+def published(g: Group, t: float, x: Array[Lanes]) -> None:
+    """What other groups read beside the states."""
+    publish(splat(t), x, g.u, g.p, at(g.work, OUT))
+
+
+# ---- the first step -----------------------------------------------------------------------------
+
+
+def initial(g: Group) -> float:
+    """Begin a history in which nothing ever changed; the first step's size.
+
+    At order 1 the error is h**2 x''/2. With x'' taken as x'/T and T as the time in which x' crosses the scale of the states, 1/rtol tolerances,
+    this is an eighth of the tolerance.
+    """
+    begin_tables(g)
+    y = at(g.work, Y)
+    for i in range(N):
+        y[i] = splat(g.x[i])
+    rhs_fixed(splat(g.t), g.u, g.p, at(g.work, V))
+    derivative(g, g.t, y)
+    begin_history(g, HISTORY, F, N)
+    if PUBLISHED > 0:
+        published(g, g.t, y)
+        begin_history(g, SEEN, OUT, PUBLISHED)
+    speed = 0.0
+    for i in range(N):
+        q = number(g, F + i) * weight(g, i)
+        speed += q * q
+    speed = math.sqrt(speed / N)
+    h = 0.5 / (speed * math.sqrt(g.rtol))
+    if not (speed > 1e-5):
+        h = 1e-6
+    return h
+
+
+def begin_tables(g: Group) -> None:
+    """What is known before the first step: the constants, and the first row of everything."""
+    for place in range(FIRST):
+        g.work[place] = splat(0.0)
+    for j in unroll(ROWS):
+        g.work[PAST + j] = splat(float(j))
+        g.work[EQUAL + j] = splat(EQUAL_STEPS[j])
+        g.work[BETWEEN + j] = splat(LEFT_OUT[j])
+    g.work[SCALE] = splat(1.0)
+    g.work[MEAN] = splat(1.0)
+    g.work[GROWTH] = splat(1.0)
+    g.work[BASIS] = splat(1.0)
+
+
+def begin_history(g: Group, rows: int, values: int, count: int) -> None:
+    """The values that were always there."""
+    for i in range(count):
+        g.work[rows + i] = g.work[values + i]
+        for j in range(1, ROWS):
+            g.work[rows + j * count + i] = splat(0.0)
+
+
+# ---- predict, correct ---------------------------------------------------------------------------
+
+
+def attempt(g: Group) -> float:
+    """Predict the states, and the derivatives, which the right-hand side corrects; the norm of the error.
+
+    Leaves the norms of the corrections to the polynomials of the order under trial and the two below.
+    """
+    k = g.order_now
+    for i in range(N):
+        mean = 0.0
+        end = 0.0
+        for j in range(k):
+            d = difference(g, HISTORY, N, j, i)
+            mean = fma(number(g, MEAN + j), d, mean)
+            end += d
+        g.work[Y + i] = splat(fma(g.trial, mean, g.x[i]))
+        g.work[CHANGE + i] = splat(end)
+    rhs_fixed(splat(g.end), g.u, g.p, at(g.work, V))
+    derivative(g, g.end, at(g.work, Y))
+    here = 0.0
+    lower = 0.0
+    lowest = 0.0
+    for i in range(N):
+        change = number(g, F + i) - number(g, CHANGE + i)
+        g.work[CHANGE + i] = splat(change)
+        w = weight(g, i)
+        here = fma(change * w, change * w, here)
+        if k > 1:
+            change += difference(g, HISTORY, N, k - 1, i)
+            lower = fma(change * w, change * w, lower)
+        if k > 2:
+            change += difference(g, HISTORY, N, k - 2, i)
+            lowest = fma(change * w, change * w, lowest)
+    g.work[ERRORS] = splat(math.sqrt(here / N))
+    g.work[ERRORS + 1] = splat(math.sqrt(lower / N))
+    g.work[ERRORS + 2] = splat(math.sqrt(lowest / N))
+    return g.trial * (number(g, MEAN + k - 1) - number(g, MEAN + k)) * math.sqrt(here / N)
+
+
+def correct(g: Group) -> float:
+    """States and derivatives at the end of the step; the error of what other groups read. Not a number where something is not finite."""
+    factor = g.trial * number(g, MEAN + g.order_now)
+    for i in range(N):
+        g.work[NEXT + i] = splat(fma(factor, number(g, CHANGE + i), number(g, Y + i)))
+    derivative(g, g.end, at(g.work, NEXT))
+    error = 0.0
+    if PUBLISHED > 0:
+        published(g, g.end, at(g.work, NEXT))
+        error = published_error(g)
+    g.work[ERRORS + 3] = splat(error)
+    for i in range(N):
+        error += 0.0 * number(g, F + i)
+    return error
+
+
+def last_row(g: Group) -> int:
+    """The highest difference of what other groups read: of order k + 1, where there are so many knots."""
+    return min(g.order_now, g.count) + 1
+
+
+def published_error(g: Group) -> float:
+    """The largest term that the polynomials through one knot fewer would leave out, relative to the tolerances.
+
+    What jumps differs from any polynomial however small the step; but a reader only feels the difference as long as the step lasts.
+    """
+    last = last_row(g)
+    worst = 0.0
+    for r in range(PUBLISHED):
+        q = abs(deviation(g, r, last)) / (g.floor + g.rtol * abs(number(g, OUT + r)))
+        if not (q <= worst):  # so that what is not a number stays
+            worst = q
+    part = 1.0
+    if g.trial < SUSPECT * g.usual:
+        part = g.trial / g.usual
+    return worst * part * number(g, BETWEEN + last)
+
+
+def deviation(g: Group, r: int, last: int) -> float:
+    """What the polynomial through earlier knots misses a published value by: its difference `last`."""
+    d = number(g, OUT + r)
+    for j in range(last):
+        d -= difference(g, SEEN, PUBLISHED, j, r)
+    return d
+
+
+# ---- an accepted step ---------------------------------------------------------------------------
+
+
+def accept(g: Group) -> float:
+    """Write the step's segment, extend the histories, advance the states; the norm of the differences that tell of one order more."""
+    piece = segment(g, g.count)
+    piece[0] = g.t
+    piece[1] = g.end
+    piece[2] = 1.0 / g.trial
+    piece[3] = g.trial
+    k = g.order_now
+    above = 0.0
+    for i in range(N):
+        c = at(piece, HEADER + i * WIDTH)
+        powers(g, HISTORY, N, i, k, number(g, CHANGE + i), at(c, 1), at(g.work, BASIS))
+        c[0] = g.x[i]
+        for q in unroll(ROWS - 1):
+            c[q + 1] = c[q + 1] * (g.trial / (q + 1))
+        d = extend(g, HISTORY, N, i, k + 1, number(g, F + i)) * weight(g, i)
+        above = fma(d, d, above)
+        g.x[i] = number(g, NEXT + i)
+    last = last_row(g)
+    for r in range(PUBLISHED):
+        c = at(piece, HEADER + (N + r) * WIDTH)
+        powers(g, SEEN, PUBLISHED, r, last, deviation(g, r, last), c, at(g.work, BASIS))
+        extend(g, SEEN, PUBLISHED, r, last, number(g, OUT + r))
+    return math.sqrt(above / N)
+
+
+def powers(
+    g: Group, rows: int, count: int, i: int, last: int, change: float, c: Array[float], basis: Array[Lanes]
+) -> None:
+    """Coefficients of the polynomial with the differences below `last` of a channel, and the last one equal to `change`."""
+    for q in unroll(ROWS):
+        c[q] = 0.0
+    for j in range(last + 1):
+        d = change
+        if j < last:
+            d = difference(g, rows, count, j, i)
+        for q in unroll(ROWS):
+            c[q] = fma(d, lane(basis[j * ROWS + q], 0), c[q])
+
+
+def extend(g: Group, rows: int, count: int, i: int, last: int, value: float) -> float:
+    """Differences up to `last` of a channel, with its value at the end of the step."""
+    d = value
+    for j in range(last):
+        old = difference(g, rows, count, j, i)
+        g.work[rows + j * count + i] = splat(d)
+        d -= old
+    g.work[rows + last * count + i] = splat(d)
+    return d
