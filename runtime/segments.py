@@ -5,7 +5,7 @@ A segment is t0, t1, 1/h, h, then for each channel `width` coefficients, lowest 
 
 from __future__ import annotations
 
-from hierc.runtime.machine.dialect import Array, Lanes, at, select
+from hierc.runtime.machine.dialect import Array, Lanes, acquire, at, release, select
 from hierc.runtime.records import Group, Request
 
 #: Doubles before the coefficients.
@@ -61,7 +61,18 @@ def covered(g: Group, groups: Array[Group], end: float) -> bool:
     for s in range(g.source_count):
         if groups[g.sources[s].group].t < end or groups[g.sources[s].group].count == 0:
             return False
+    acquire()
     return True
+
+
+def finish(g: Group) -> None:
+    """End an accepted step, whose segment is in its place. Its end comes last: a reader in another thread that sees it sees the segment too."""
+    g.previous = g.trial
+    g.rejections = 0
+    g.count += 1
+    g.steps += 1
+    release()
+    g.t = g.end
 
 
 def read_inputs(g: Group, groups: Array[Group], t: Lanes, low: float, high: float, u: Array[Lanes]) -> int:

@@ -167,8 +167,16 @@ def call(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> Operan
             return None
         case "bits", [Value(type=Float(1)) as a]:
             return Value(builder.bitcast(a.ir, I64), Int())
+        case "bit", [Value(type=Float(n)) as a, int(k)]:
+            whole = ir.VectorType(I64, n) if n > 1 else I64
+            one, none = (ir.Constant(whole, [m] * n if n > 1 else m) for m in (1 << k, 0))
+            found = builder.and_(builder.bitcast(a.ir, whole), one)
+            return Value(builder.icmp_unsigned("!=", found, none), Bool(n))
         case "from_bits", [Value(type=Int()) as a]:
             return Value(builder.bitcast(a.ir, DOUBLE), Float())
+        case (("release" | "acquire"), []):
+            builder.fence(name)
+            return None
         case "fma", [a, b, c]:
             return _fma(low, a, b, c)
         case "is_finite", [Value(type=Float(1)) as a]:

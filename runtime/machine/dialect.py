@@ -158,6 +158,11 @@ def bits(x: float) -> int:
     return int(np.float64(x).view(np.int64))
 
 
+def bit(v: Lanes, k: int) -> Any:
+    """Whether bit k (a constant, 0 the lowest) of each lane is set."""
+    return (np.asarray(v, np.float64).view(np.int64) >> k) & 1 != 0
+
+
 def from_bits(n: int) -> float:
     """The double with these 64 bits."""
     return float(np.int64(n).view(np.float64))
@@ -166,6 +171,14 @@ def from_bits(n: int) -> float:
 def fma(a: Any, b: Any, c: Any) -> Any:
     """a*b + c, contracted to one rounding where the machine can."""
     return a * b + c
+
+
+def release() -> None:
+    """What was stored before is seen by other threads before what is stored after. (Under CPython there are none.)"""
+
+
+def acquire() -> None:
+    """What is loaded after is at least as new as what was loaded before."""
 
 
 def is_finite(x: float) -> bool:
@@ -186,6 +199,12 @@ def power_of_two(n: Lanes) -> Lanes:
 def standalone(function: F) -> F:
     """Mark a pure function that is called, not inlined, so that equal calls are made once."""
     function.standalone = True  # type: ignore[attr-defined]
+    return function
+
+
+def rare(function: F) -> F:
+    """Mark a function that is hardly ever called: what surrounds the call keeps its registers."""
+    function.rare = True  # type: ignore[attr-defined]
     return function
 
 

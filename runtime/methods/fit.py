@@ -36,7 +36,7 @@ from hierc.runtime.machine.dialect import (
 from hierc.runtime.machine.types import LaneConstant, LaneTable
 from hierc.runtime.methods.method import Names, Piece
 from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
-from hierc.runtime.segments import HEADER, covered, read_inputs, segment
+from hierc.runtime.segments import HEADER, covered, finish, read_inputs, segment
 
 if TYPE_CHECKING:  # given by Fit.names
     LANES: int
@@ -166,11 +166,7 @@ def step(g: Group, groups: Array[Group]) -> float:
             invoke(g.accept, g)
             after_acceptance(g, error, SAFETY)
             g.h = max(g.h, least)
-            g.previous = g.trial
-            g.t = g.end
-            g.rejections = 0
-            g.count += 1
-            g.steps += 1
+            finish(g)
             return ACCEPTED
         after_rejection(g, error, SAFETY)
         if g.rejections > MOST_REJECTIONS:

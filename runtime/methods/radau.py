@@ -23,7 +23,7 @@ from hierc.runtime.methods.method import Names, Piece
 from hierc.runtime.methods.radau_pieces import accept, begin, defect, estimate, initial, iterate, refresh
 from hierc.runtime.methods.radau_tables import Tables
 from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
-from hierc.runtime.segments import covered, read_inputs
+from hierc.runtime.segments import covered, finish, read_inputs
 
 if TYPE_CHECKING:  # given by Radau.step_names
     NODES: Lanes
@@ -79,12 +79,8 @@ def step(g: Group, groups: Array[Group]) -> float:
         if error < 1.0:
             invoke(g.accept, g)
             after_acceptance(g, error, safety)
-            g.previous = g.trial
-            g.t = g.end
             g.fresh = 1
-            g.rejections = 0
-            g.count += 1
-            g.steps += 1
+            finish(g)
             return ACCEPTED
         after_rejection(g, error, safety)
         if g.rejections > MOST_REJECTIONS:
