@@ -237,7 +237,8 @@ class Adams:
 
     @property
     def name(self) -> str:
-        return "adams"
+        whole = (self.least_order, self.most_order) == (1, HIGHEST)
+        return "adams" if whole else f"adams{self.least_order}to{self.most_order}"
 
     @property
     def order(self) -> int:

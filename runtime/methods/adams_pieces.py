@@ -24,6 +24,8 @@ from hierc.runtime.segments import HEADER, segment
 HIGHEST = 12
 #: Differences kept of everything: for the predictor's polynomial, its corrector's, and the estimate of the error at one order more.
 ROWS = HIGHEST + 2
+#: A step's error is held to the tolerance over this: those of the many steps of a multistep method add up.
+STRICTER = 10.0
 #: Steps that are smaller than usual ones by this factor are taken to come to a jump of what other groups read.
 SUSPECT = 1e-2
 
@@ -72,8 +74,8 @@ def difference(g: Group, rows: int, count: int, j: int, i: int) -> float:
 
 
 def weight(g: Group, i: int) -> float:
-    """One over the tolerance of a state."""
-    return 1.0 / (g.absolute[i] + g.rtol * abs(g.x[i]))
+    """One over the tolerance of a state in one step."""
+    return STRICTER / (g.absolute[i] + g.rtol * abs(g.x[i]))
 
 
 @outlined
@@ -112,7 +114,7 @@ def initial(g: Group) -> float:
         q = number(g, F + i) * weight(g, i)
         speed += q * q
     speed = math.sqrt(speed / N)
-    h = 0.5 / (speed * math.sqrt(g.rtol))
+    h = 0.5 / (speed * math.sqrt(g.rtol / STRICTER))
     if not (speed > 1e-5):
         h = 1e-6
     return h
@@ -209,7 +211,7 @@ def published_error(g: Group) -> float:
     last = last_row(g)
     worst = 0.0
     for r in range(PUBLISHED):
-        q = abs(deviation(g, r, last)) / (g.floor + g.rtol * abs(number(g, OUT + r)))
+        q = STRICTER * abs(deviation(g, r, last)) / (g.floor + g.rtol * abs(number(g, OUT + r)))
         if not (q <= worst):  # so that what is not a number stays
             worst = q
     part = 1.0
