@@ -16,6 +16,7 @@ from typing import Any, get_type_hints
 import llvmlite
 import llvmlite.binding as llvm
 from llvmlite import ir
+from llvmlite.ir.instructions import CallInstr
 
 from hierc.runtime.machine import builtins
 from hierc.runtime.machine.lower import Lowering
@@ -86,6 +87,8 @@ class Unit:
         standalone = hasattr(function, "standalone")
         inline = export is None and not standalone and not hasattr(function, "outlined")
         _mark(made, inline=inline, pure=standalone)
+        if hasattr(function, "rare"):
+            made.attributes.add("cold")
         if export is None:
             made.linkage = "internal"
         self.made[key] = (made, tuple(kinds.values()), returns)
@@ -150,8 +153,27 @@ class Unit:
         return Value(made, Pointer(Int()))
 
     def text(self) -> str:
-        """The module as LLVM text."""
+        """The module as LLVM text, callees before their callers.
+
+        LLVM inlines in this order. Only what becomes part of a function before that becomes part of another keeps what is known of its arguments: that
+        they do not overlap, so that what was read or computed once need not be again.
+        """
+        placed: dict[str, Any] = {}
+        for value in self.module.globals.values():
+            _place(value, placed)
+        self.module.globals = placed
         return str(self.module)
+
+
+def _place(value: Any, placed: dict[str, Any]) -> None:
+    """Place a function or variable of a module after the functions that it calls."""
+    if value.name in placed:
+        return
+    for block in getattr(value, "blocks", ()):
+        for instruction in block.instructions:
+            if isinstance(instruction, CallInstr) and isinstance(instruction.callee, ir.Function):
+                _place(instruction.callee, placed)
+    placed[value.name] = value
 
 
 def _is_crowded(definition: ast.FunctionDef) -> bool:

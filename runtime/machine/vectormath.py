@@ -2,16 +2,25 @@
 
 Argument reduction after Cody and Waite, with pi/2 (or log 2) in parts whose products with the quotient are exact; polynomials from fdlibm
 (`k_sin.c`, `k_cos.c`) and the Taylor series. Within 2 ulp of the exact value, tested. Where one argument is too large for the reduction, all go to the C
-library.
+library. Whether that is so is asked last, not first: so a sine and a cosine of the same argument share nearly all of their work.
 """
 
 from __future__ import annotations
 
 import math
 
-from hierc.runtime.machine.dialect import Lanes, any_lane, each_lane, power_of_two, select, standalone
+from hierc.runtime.machine.dialect import (
+    Lanes,
+    any_lane,
+    bit,
+    each_lane,
+    power_of_two,
+    rare,
+    select,
+    standalone,
+)
 
-#: Adding and subtracting this rounds a double of modest size to the nearest integer.
+#: Adding this rounds a double of modest size to the nearest integer, which then stands in the lowest bits; subtracting it again gives the integer.
 ROUND = 6755399441055744.0
 TWO_OVER_PI = 0.63661977236758134308
 #: Beyond this the three-part reduction loses bits.
@@ -20,26 +29,30 @@ LARGEST_ANGLE = 800000.0
 
 def sin(x: Lanes) -> Lanes:
     """sin(x), lane by lane."""
+    k = x * TWO_OVER_PI + ROUND
+    y = quadrant(k, reduced(x, k - ROUND))
     if any_lane(abs(x) > LARGEST_ANGLE):
-        return sin_of_large(x)
-    n = (x * TWO_OVER_PI + ROUND) - ROUND
-    return quadrant(n, reduced(x, n))
+        y = sin_of_large(x)
+    return y
 
 
 def cos(x: Lanes) -> Lanes:
     """cos(x), lane by lane."""
+    k = x * TWO_OVER_PI + ROUND
+    y = quadrant(k + 1.0, reduced(x, k - ROUND))
     if any_lane(abs(x) > LARGEST_ANGLE):
-        return cos_of_large(x)
-    n = (x * TWO_OVER_PI + ROUND) - ROUND
-    return quadrant(n + 1.0, reduced(x, n))
+        y = cos_of_large(x)
+    return y
 
 
+@rare
 @standalone
 def sin_of_large(x: Lanes) -> Lanes:
     """sin(x) from the C library."""
     return each_lane(math.sin, x)
 
 
+@rare
 @standalone
 def cos_of_large(x: Lanes) -> Lanes:
     """cos(x) from the C library."""
@@ -53,11 +66,10 @@ def reduced(x: Lanes, n: Lanes) -> Lanes:
     return r - n * 2.02226624879595063154e-21
 
 
-def quadrant(n: Lanes, r: Lanes) -> Lanes:
-    """sin(r + n*pi/2) for |r| <= pi/4."""
-    m = n - 4.0 * ((n * 0.25 + ROUND) - ROUND)
-    value = select(abs(abs(m) - 1.0) < 0.5, cos_kernel(r), sin_kernel(r))
-    return select(m < -0.5, -value, select(m > 1.5, -value, value))
+def quadrant(k: Lanes, r: Lanes) -> Lanes:
+    """sin(r + n*pi/2) for |r| <= pi/4, where k is ROUND + n, so that n stands in its lowest bits."""
+    y = select(bit(k, 0), cos_kernel(r), sin_kernel(r))
+    return select(bit(k, 1), -y, y)
 
 
 def sin_kernel(r: Lanes) -> Lanes:
