@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from math import prod
 
 import numpy as np
 
@@ -69,7 +70,8 @@ def _fits(value: float, scalar: Scalar, scale: float) -> bool:
 def check_given(parameters: Iterable[model.Parameter], given: Given) -> None:
     """Check names, types and shapes of values from outside. Raises ModelError with all that is wrong.
 
-    In an array of agents `car.tau` means all of them, `car[3].tau` one, `car[2..5].tau` some: a value for each, or one value for all.
+    In an array of agents `car.tau` means all of them, `car[3].tau` one, `car[2..5].tau` some: one value for all, or a value for each in a list, which
+    for arrays in arrays is one of lists.
     """
     problems = Collector()
     known: dict[str, list[model.Parameter]] = {}
@@ -106,8 +108,10 @@ def _for_elements(path: str, whole: str, known: Sequence[str]) -> str | None:
 _SUBSCRIPT = re.compile(r"\[([0-9]+)(?:\.\.([0-9]+))?\]\.")
 
 
-def _elements(path: str, blocks: Sequence[model.Parameter]) -> int:
-    """How many elements of an array a path means. Raises Rejected (E801) for one that is not there."""
+def _elements(path: str, blocks: Sequence[model.Parameter]) -> Shape:
+    """How many elements a path means of each array in which it means several; nothing where these differ in size. Raises Rejected (E801) for one that
+    is not there.
+    """
     template = blocks[0].path.split(".")
     arrays = [place for place, name in enumerate(template) if name.endswith("[]")]
     columns = [np.concatenate([expanded(b.indices[k], b.count) for b in blocks]) for k in range(len(arrays))]
@@ -116,9 +120,11 @@ def _elements(path: str, blocks: Sequence[model.Parameter]) -> int:
     single = next((k for k, name in enumerate(names[:-1]) if "[" in name and k not in arrays), None)
     if single is not None:
         raise Rejected(NotAnArray(None, name=names[single].partition("[")[0], arrays=()))
+    several: list[int] = []
     for place, column in zip(arrays, columns, strict=True):
         match = _SUBSCRIPT.search(names[place].replace("\0", "..") + ".")
         if match is None:
+            several.append(len(np.unique(column[chosen])))
             continue
         if blocks[0].structural:
             raise Rejected(StructuralElement(None, name=template[-1], path=_SUBSCRIPT.sub(".", path)))
@@ -132,19 +138,19 @@ def _elements(path: str, blocks: Sequence[model.Parameter]) -> int:
                 OutOfArray(None, text=path, index=outside, first=first, last=last, where=(), index_name=None)
             )
         chosen &= (column >= ends[0]) & (column <= ends[1])
-    return int(chosen.sum())
+        several += [ends[1] - ends[0] + 1] if ends[0] < ends[1] else []
+    return tuple(several) if prod(several) == chosen.sum() else ()
 
 
-def _check_value(path: str, value: object, blocks: Sequence[model.Parameter], count: int) -> None:
-    """Check a value for so many elements of an array, which may be one for each. Raises Rejected (E911, E802)."""
+def _check_value(path: str, value: object, blocks: Sequence[model.Parameter], several: Shape) -> None:
+    """Check a value for elements of arrays, so many of each, which may be one for each of them. Raises Rejected (E911, E802)."""
     block = blocks[0]
     shape, _ = _flattened(value)
-    if block.indices and len(shape) == len(block.shape) + 1 and shape[1:] == block.shape:
-        if shape[0] != count:
-            raise Rejected(CountsDiffer(None, text=path, wanted=count, given=shape[0]))
-        outside_value(path, value, block.scalar, shape, block.scale)
-        return
-    outside_value(path, value, block.scalar, block.shape, block.scale)
+    each = several and len(shape) == len(several) + len(block.shape) and shape[len(several) :] == block.shape
+    for wanted, given in zip(several, shape, strict=False) if each else ():
+        if given != wanted:
+            raise Rejected(CountsDiffer(None, text=path, wanted=wanted, given=given))
+    outside_value(path, value, block.scalar, shape if each else block.shape, block.scale)
 
 
 def _advice(path: str, known: Mapping[str, model.Parameter]) -> str | None:

@@ -13,6 +13,8 @@ from hierc.compiler.expression import Choose, Number
 from hierc.compiler.model import Model, Node
 from hierc.grammar.problems import ModelError
 from hierc.grammar.source import SourceFile
+from hierc.loader import run_module
+from hierc.runtime.errors import SettingError
 
 LAG = """
 agent Lag(real k [1/s] = 1, real x0 = 0) {
@@ -520,3 +522,35 @@ def test_an_index_may_hide_a_parameter() -> None:
            }"""
     )
     assert {p.path for p in made.parameters if p.structural} == set()
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "code"),
+    [
+        ("row.one.k", [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]], None),
+        ("row[2..3].one.k", [[1.0, 2.0], [3.0, 4.0]], None),
+        ("row[2].one.k", [1.0, 2.0], None),
+        ("row.one[2].k", [1.0, 2.0, 3.0], None),
+        ("row.one.k", [[1.0, 2.0], [3.0, 4.0]], "E802"),
+        ("row.one.k", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], "E911"),
+        ("row[2].one.k", [1.0, 2.0, 3.0], "E802"),
+    ],
+)
+def test_values_for_arrays_in_arrays(path: str, value: object, code: str | None) -> None:
+    """As when a run is given them: a list of lists."""
+    text = (
+        LAG
+        + "agent Row() { agent one[j in 1..2] = Lag() [u := 1]; } agent Top() { agent row[i in 1..3] = Row(); }"
+    )
+    source = SourceFile("test.hier", text)
+    model = run_module(compile_source(source, "Top").text, "test.hier").MODEL
+    if code is None:
+        assert model_of(source, "Top", {path: value}).nodes
+        given = model.with_parameters({path: value}).parameters["row.one.k"].value
+        assert set(np.ravel(value)) <= set(np.ravel(given))
+        return
+    with pytest.raises(ModelError) as caught:
+        model_of(source, "Top", {path: value})
+    assert [problem.code for problem in caught.value.problems] == [code]
+    with pytest.raises(SettingError):
+        model.with_parameters({path: value})
