@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 import functools
 from collections.abc import Callable, Collection, Mapping
+from collections.abc import Set as AbstractSet
 
 from hierc.runtime import linalg
 from hierc.runtime.contract import Class
@@ -27,6 +28,8 @@ _ORDER = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 _PYTHON = {"float": 1, "abs": 1, "max": 2, "min": 2}
 #: Names that no local may take.
 _RESERVED = {"t", "math", "linalg", *_PYTHON}
+#: Names, and entries of the output as `dx[0]`, that are set.
+Known = AbstractSet[str]
 NO_CALLEES: Mapping[str, int] = {}
 
 
@@ -73,7 +76,7 @@ def check_function(
         raise UnsupportedCode(
             f"line {definition.lineno}: {definition.name} must take just ({', '.join(expected)})"
         )
-    known = _Checker(arrays, output, entries, callees).block(definition.body, frozenset())
+    known = _Checker(arrays, output, entries, callees).block(definition.body, set())
     if missing := [k for k in entries if f"{output}[{k}]" not in known]:
         raise UnsupportedCode(
             f"line {definition.lineno}: {definition.name} never sets {output}[{missing[0]}]"
@@ -90,15 +93,16 @@ class _Checker:
         self.reserved = {*_RESERVED, *arrays, output, *callees}
         self.factors: dict[str, int] = {}  # names of factors, with the size of their matrix
 
-    def block(self, body: list[ast.stmt], known: frozenset[str]) -> frozenset[str]:
+    def block(self, body: list[ast.stmt], before: Known) -> set[str]:
         """What is set after some statements."""
+        known = set(before)
         for statement in body:
             match statement:
                 case ast.Assign(targets=[target], value=value):
                     names = self.assignment(target, value, known)
                     if twice := [name for k, name in enumerate(names) if name in known or name in names[:k]]:
                         raise _refused(statement, f"{twice[0]} is set twice")
-                    known |= {*names}
+                    known.update(names)
                 case ast.If(test=test, body=then, orelse=orelse):
                     self.condition(test, known)
                     known = self.block(then, known) & self.block(orelse, known)
@@ -108,7 +112,7 @@ class _Checker:
                     raise _refused(statement)
         return known
 
-    def assignment(self, target: ast.expr, value: ast.expr, known: frozenset[str]) -> list[str]:
+    def assignment(self, target: ast.expr, value: ast.expr, known: Known) -> list[str]:
         """Check an assignment; the names that it sets."""
         match target, value:
             case ast.Name(), ast.Call(func=function, args=[size, *entries], keywords=[]) if (
@@ -132,14 +136,14 @@ class _Checker:
                 self.number(value, known)
                 return [self.target(target)]
 
-    def numbers(self, node: ast.expr, given: list[ast.expr], count: int, known: frozenset[str]) -> None:
+    def numbers(self, node: ast.expr, given: list[ast.expr], count: int, known: Known) -> None:
         """Check `count` arguments that are numbers."""
         if len(given) != count:
             raise _refused(node, "wrong number of arguments")
         for item in given:
             self.number(item, known)
 
-    def factors_of(self, node: ast.expr, n: int, known: frozenset[str]) -> None:
+    def factors_of(self, node: ast.expr, n: int, known: Known) -> None:
         """Check the factors of an n-by-n matrix: a name, or the entries of an array that hold them."""
         match node:
             case ast.Name(id=name) if name in known and self.factors.get(name) == n:
@@ -169,7 +173,7 @@ class _Checker:
             case _:
                 raise _refused(node, "cannot be set")
 
-    def number(self, node: ast.expr, known: frozenset[str]) -> None:
+    def number(self, node: ast.expr, known: Known) -> None:
         """Check an expression that is a number."""
         match node:
             case ast.Constant(value=bool()):
@@ -212,7 +216,7 @@ class _Checker:
                 return self.callees.get(name, _PYTHON.get(name))
         return None
 
-    def condition(self, node: ast.expr, known: frozenset[str]) -> None:
+    def condition(self, node: ast.expr, known: Known) -> None:
         """Check an expression that is true or false."""
         match node:
             case ast.Compare(left=left, ops=[op], comparators=[right]) if isinstance(op, _ORDER):

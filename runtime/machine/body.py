@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from llvmlite import ir
@@ -12,11 +11,14 @@ from llvmlite.ir.instructions import CallInstr
 
 from hierc.runtime.machine.arithmetic import Arithmetic
 from hierc.runtime.machine.calls import CallForm, Form
-from hierc.runtime.machine.types import DOUBLE, I64, POINTER, Emitted, Float, Pointer, Type, Value, llvm_type
+from hierc.runtime.machine.rows import MANY, Number, address, each_row, load, scaled, store
+from hierc.runtime.machine.types import POINTER, Emitted, Float, Pointer, Type, Value, llvm_type
 from hierc.runtime.machine.unit import Unit
 
-#: Equal calls from which on a loop makes them.
-MANY = 4
+#: Copies from which on a loop makes them.
+COPIES = 32
+#: What is done with a call's output: its address, and the number that the call has been given.
+Then = Callable[[Any, Number], None]
 #: Instructions of a composed function, before LLVM has seen them, up to which it becomes part of every piece that calls it. Beside a larger one the
 #: call costs nothing, and its copies, one in each of six pieces, would take most of the compilation.
 INLINED = 2000
@@ -73,79 +75,66 @@ class Body:
 
     # ---- memory ---------------------------------------------------------------------------------
 
-    def load(self, array: Any, index: Any, lanes: int | None = None) -> Value:
-        kind = Float(lanes or self.lanes)
-        address = self._item(array, index, kind.lanes)
-        return Value(self.builder.load(address, typ=llvm_type(kind), align=8), kind)
+    def load(self, array: Any, index: Number, lanes: int | None = None) -> Value:
+        lanes = lanes or self.lanes
+        return load(self.builder, array, scaled(self.builder, index, lanes), lanes)
 
-    def store(self, array: Any, index: Any, value: Value, lanes: int | None = None) -> None:
-        self.builder.store(value.ir, self._item(array, index, lanes or self.lanes), align=8)
+    def store(self, array: Any, index: Number, value: Value, lanes: int | None = None) -> None:
+        store(self.builder, array, scaled(self.builder, index, lanes or self.lanes), value)
 
-    def copy(self, source: Any, i: Any, target: Any, j: Any) -> None:
+    def copy(self, source: Any, i: Number, target: Any, j: Number) -> None:
         self.store(target, j, self.load(source, i))
 
-    def _item(self, array: Any, index: Any, lanes: int) -> Any:
-        """Address of an item; the index is a number or a value."""
-        if isinstance(index, int):
-            place = ir.Constant(I64, index * lanes)
-        else:
-            place = self.builder.mul(index, ir.Constant(I64, lanes))
-        return self.builder.gep(array, [place], inbounds=True, source_etype=DOUBLE)
+    def copies(self, source: Any, target: Any, pairs: Sequence[tuple[int, int]]) -> None:
+        """Copy several items, from and to these indices."""
+        self._for_each(pairs, lambda i, j: self.copy(source, i, target, j), COPIES)
+
+    def _for_each(self, rows: Sequence[tuple[int, ...]], do: Callable[..., None], many: int) -> None:
+        """Written out, or by a loop from `many` on."""
+        if len(rows) < many:
+            for row in rows:
+                do(*row)
+            return
+        with each_row(self.unit, self.builder, rows) as numbers:
+            do(*numbers)
+
+    def _item(self, array: Any, index: Number, lanes: int) -> Any:
+        """Address of an item."""
+        return address(self.builder, array, scaled(self.builder, index, lanes))
 
     # ---- calls ----------------------------------------------------------------------------------
 
-    def call(
+    def calls(
         self,
-        call: CallForm,
+        alike: Sequence[CallForm],
         definition: ast.FunctionDef,
         output: str | None,
-        first: int | None,
+        *,
+        firsts: Sequence[int] = (),
         room: int = 0,
-    ) -> Any:
-        """Call a class's function with its own slices of the group's arrays; returns where its output went."""
-        return self._call(_Places(call.x, call.p, call.y, call.sources), definition, output, first, room)
+        then: Then | None = None,
+        loop: bool = True,
+    ) -> None:
+        """Make calls that differ in numbers only and do not read each other's: one by one, or by a loop if they are many and `loop` allows it.
 
-    def calls(self, alike: Sequence[CallForm], definition: ast.FunctionDef) -> None:
-        """Outs of calls that differ in numbers only and do not read each other's: one by one, or if they are many by a loop over a table."""
-        if len(alike) < MANY:
-            for call in alike:
-                self.call(call, definition, "y", None)
-            return
-        columns = list(zip(*((c.x, c.p, c.y, *(k for _, k in c.sources)) for c in alike), strict=True))
-        moving = [k for k, column in enumerate(columns) if len(set(column)) > 1]
-        width = len(moving)
-        table = self.unit.table("calls", [columns[k][row] for row in range(len(alike)) for k in moving])
-        with self._counted(len(alike)) as row:
-            numbers: list[Any] = [column[0] for column in columns]
-            start = self.builder.mul(row, ir.Constant(I64, width))
-            for n, k in enumerate(moving):
-                place = self.builder.add(start, ir.Constant(I64, n))
-                address = self.builder.gep(table.ir, [place], inbounds=True, source_etype=I64)
-                numbers[k] = self.builder.load(address, typ=I64)
-            x, p, y, *inputs = numbers
-            kinds = [where for where, _ in alike[0].sources]
-            self._call(_Places(x, p, y, list(zip(kinds, inputs, strict=True))), definition, "y", None, 0)
+        `firsts`: a number for each call, where its values begin in `v`, or what `then` is given, which sees to its output; `room` is the size of "J".
+        """
+        numbers = firsts or [0] * len(alike)
+        rows = [(c.x, c.p, c.y, k, *(i for _, i in c.sources)) for c, k in zip(alike, numbers, strict=True)]
+        kinds = [where for where, _ in alike[0].sources]
 
-    @contextmanager
-    def _counted(self, count: int) -> Iterator[Any]:
-        """A loop: within, the number of the round."""
-        before = self.builder.block
-        inside, after = (self.function.append_basic_block(name) for name in ("calls", "after"))
-        self.builder.branch(inside)
-        self.builder.position_at_end(inside)
-        row = self.builder.phi(I64)
-        row.add_incoming(ir.Constant(I64, 0), before)
-        yield row
-        following = self.builder.add(row, ir.Constant(I64, 1), flags=("nsw", "nuw"))
-        row.add_incoming(following, self.builder.block)
-        self.builder.cbranch(
-            self.builder.icmp_unsigned("<", following, ir.Constant(I64, count)), inside, after
-        )
-        self.builder.position_at_end(after)
+        def make(x: Number, p: Number, y: Number, first: Number, *inputs: Number) -> None:
+            places = _Places(x, p, y, list(zip(kinds, inputs, strict=True)))
+            into = self._call(places, definition, output, first, room)
+            if then is not None:
+                then(into, first)
+
+        self._for_each(rows, make, MANY if loop else len(rows) + 1)
 
     def _call(
-        self, at: _Places, definition: ast.FunctionDef, output: str | None, first: int | None, room: int
+        self, at: _Places, definition: ast.FunctionDef, output: str | None, first: Number, room: int
     ) -> Any:
+        """Call a class's function with its own slices of the group's arrays; returns where its output went."""
         wide, narrow = Pointer(Float(self.lanes)), Pointer(Float())
         into = {"dx": lambda: self._item(self.args["dx"].ir, at.x, self.lanes),
                 "y": lambda: self._item(self.outs, at.y, self.lanes),
@@ -156,7 +145,7 @@ class Body:
             "u": (self._gather(at.sources), wide),
             "d": (self.outs, wide),
             "p": (self._item(self.args["p"].ir, at.p, 1), narrow),
-            "v": (self._item(self.args["v"].ir, first, self.lanes) if first is not None else self.outs, wide),
+            "v": (self._item(self.args["v"].ir, first, self.lanes) if "v" in self.args else self.outs, wide),
         }
         if output is not None:
             given[output] = (into, wide)
@@ -192,17 +181,20 @@ class Body:
         view.args = dict(self.args)
         view.outs = view._room(self.form.outs)
         states = list(range(self.form.states))
-        for name, count, wanted in (("x", self.form.states, states), ("u", self.form.inputs, channels)):
+        for name, count, taken in (("x", self.form.states, states), ("u", self.form.inputs, channels)):
             room = view._room(count)
-            for k in wanted:
-                view.store(room, k, self._at_lane(name, k, lane))
+            view._take(self, name, lane, room, [(k, k) for k in taken])
             view.args[name] = Value(room, Pointer(Float(2)))
-        for k, out in enumerate(outs):
-            view.store(view.outs, out, self._at_lane("v", k, lane))
+        view._take(self, "v", lane, view.outs, list(enumerate(outs)))
         view.args["t"] = self.math.convert(self.args["t"], Float(2))
         return view
 
-    def _at_lane(self, name: str, k: int, lane: int) -> Value:
-        """One lane of an item of an argument, twice."""
-        address = self._item(self.args[name].ir, k * self.lanes + lane, 1)
-        return self.math.convert(Value(self.builder.load(address, typ=DOUBLE, align=8), Float()), Float(2))
+    def _take(self, body: Body, name: str, lane: int, into: Any, pairs: Sequence[tuple[int, int]]) -> None:
+        """Copy items of an argument of a wider body at one lane."""
+        first = address(self.builder, body.args[name].ir, lane)
+
+        def take(i: Number, j: Number) -> None:
+            value = load(self.builder, first, scaled(self.builder, i, body.lanes), 1)
+            self.store(into, j, self.math.convert(value, Float(self.lanes)))
+
+        self._for_each(pairs, take, COPIES)

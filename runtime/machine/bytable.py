@@ -1,170 +1,282 @@
-"""The LU of `linear.py` for large patterns: the same elimination, read from a table instead of written out.
+"""The LU of `linear.py` for large patterns: the same elimination in loops over tables instead of written out.
 
-Straight-line code grows with the number of updates; beyond `LARGE` of them compiling it would take longer than most runs. Here one loop goes through a
-constant table of places. All entries are packed complex numbers; below the pivots stand the multipliers, on the diagonal the pivots' inverses.
+The elimination of an array of agents does the same few steps again and again. Such a stretch is a loop whose body is written out, with places from a
+table; entries that stay real are real numbers there. What does not repeat, as the elimination of a large dense matrix, is done by the loops of
+`irregular.py`, where all entries are packed complex numbers. So the code does not grow with the length of an array.
+
+The diagonal holds the inverses of the pivots; all other entries are as the elimination leaves them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from llvmlite import ir
 
-from hierc.runtime.machine.arithmetic import Arithmetic
-from hierc.runtime.machine.dialect import Array, Lanes, lower_twice, swap_halves, upper_twice
-from hierc.runtime.machine.linear import Elimination, Entry
-from hierc.runtime.machine.types import (
-    DOUBLE,
-    I64,
-    Emitted,
-    Float,
-    LaneConstant,
-    Value,
-    llvm_type,
-)
+from hierc.runtime.machine import irregular
+from hierc.runtime.machine.elimination import Elimination, Entry, Step
+from hierc.runtime.machine.packed import Packed
+from hierc.runtime.machine.repetitions import Stretch, stretches
+from hierc.runtime.machine.rows import MANY, Number, counted, each_row, load, scaled, store
+from hierc.runtime.machine.types import I64, LaneConstant, Value
 
 if TYPE_CHECKING:
     from hierc.runtime.machine.unit import Unit
 
-    # given by TableCode
-    SIGNS: Lanes  # -1 in the lower half of the lanes, 1 in the upper
-    LANES: int
-
-#: Updates above which a factorisation is read from a table.
+#: Updates above which a factorisation is done by tables; the bodies of its loops have no more than these together.
 LARGE = 1000
 
 
-def times(a: Lanes, b: Lanes) -> Lanes:
-    """a*b, packed complex."""
-    return lower_twice(a) * b + SIGNS * upper_twice(a) * swap_halves(b)
+class Layout:
+    """Where the entries of a matrix are kept, and which steps of its elimination are done by loops with a body of their own."""
 
-
-def inverse(a: Lanes) -> Lanes:
-    """1/a, packed complex."""
-    squares = a * a
-    return -SIGNS * a / (squares + swap_halves(squares))
-
-
-def factor_by_table(m: Array[Lanes], table: Array[int], pivots: int) -> None:
-    """Eliminate in place. A pivot's record: its place, rows below, columns right; then for each row its place and, for each column, two places."""
-    c = 0
-    for _ in range(pivots):
-        pivot = inverse(m[table[c]])
-        m[table[c]] = pivot
-        below = table[c + 1]
-        right = table[c + 2]
-        c += 3
-        for _ in range(below):
-            multiplier = times(m[table[c]], pivot)
-            m[table[c]] = multiplier
-            c += 1
-            for _ in range(right):
-                m[table[c + 1]] = m[table[c + 1]] - times(multiplier, m[table[c]])
-                c += 2
-
-
-def solve_by_table(b: Array[Lanes], m: Array[Lanes], table: Array[int], pivots: int) -> None:
-    """Forward and back substitution in place. A pivot's record, forward and then, in reverse order, back: row, count, (place, row) each."""
-    c = 0
-    for _ in range(pivots):
-        known = b[table[c]]
-        count = table[c + 1]
-        c += 2
-        for _ in range(count):
-            b[table[c + 1]] = b[table[c + 1]] - times(m[table[c]], known)
-            c += 2
-    for _ in range(pivots):
-        row = table[c]
-        count = table[c + 1]
-        place = table[c + 2]
-        left = b[row]
-        c += 3
-        for _ in range(count):
-            left = left - times(m[table[c]], b[table[c + 1]])
-            c += 2
-        b[row] = times(m[place], left)
-
-
-def solve_real_by_table(b: Array[Lanes], m: Array[float], table: Array[int], pivots: int) -> None:
-    """As `solve_by_table` for the real eigenvalue alone, lane 0 of each entry; each lane of b is a right-hand side (there may be one)."""
-    c = 0
-    for _ in range(pivots):
-        known = b[table[c]]
-        count = table[c + 1]
-        c += 2
-        for _ in range(count):
-            b[table[c + 1]] = b[table[c + 1]] - m[table[c] * LANES] * known
-            c += 2
-    for _ in range(pivots):
-        row = table[c]
-        count = table[c + 1]
-        place = table[c + 2]
-        left = b[row]
-        c += 3
-        for _ in range(count):
-            left = left - m[table[c] * LANES] * b[table[c + 1]]
-            c += 2
-        b[row] = m[place * LANES] * left
-
-
-class TableCode:
-    """Emits factorisation and solves of one elimination by table, into `unit`."""
-
-    def __init__(self, plan: Elimination, lanes: int, unit: Unit) -> None:
-        self.plan, self.lanes, self.unit = plan, lanes, unit
-        entries = [(i, i) for i in range(plan.n)] + list(plan.complex_entries) + list(plan.real_entries)
-        self.places = {entry: k for k, entry in enumerate(entries)}
-        half = lanes // 2
-        self.names: dict[str, Any] = {"SIGNS": LaneConstant((-1.0,) * half + (1.0,) * half), "LANES": lanes}
+    def __init__(self, plan: Elimination, lanes: int) -> None:
+        self.plan, self.lanes = plan, lanes
+        self.stretches = _affordable(plan)
+        order = {step.pivot: k for k, step in enumerate(plan.steps)}
+        repeats = [s.rounds > 1 for s in self.stretches for _ in range(s.first, s.end)]
+        real = [(i, j) for i, j in plan.real_entries if repeats[min(order[i], order[j])]]
+        others = sorted({*plan.complex_entries, *plan.real_entries}.difference(real))
+        packed = [*((k, k) for k in range(plan.n)), *others]
+        self.packed = len(packed)
+        #: Of each entry its place, in doubles: first packed numbers, those of the diagonal in order, then real ones.
+        self.places = {entry: k * lanes for k, entry in enumerate(packed)}
+        self.places |= {entry: self.packed * lanes + k for k, entry in enumerate(real)}
 
     @property
     def size(self) -> int:
-        """Doubles that the factors take."""
-        return self.lanes * len(self.places)
+        """Doubles, in whole lanes."""
+        return (self.packed + -(-(len(self.places) - self.packed) // self.lanes)) * self.lanes
+
+    def width(self, entry: Entry) -> int:
+        """Doubles that an entry takes: one if it is real."""
+        return self.lanes if self.places[entry] < self.packed * self.lanes else 1
+
+    def steps(self, stretch: Stretch) -> Sequence[Step]:
+        """The steps of a stretch."""
+        return self.plan.steps[stretch.first : stretch.end]
+
+    def body(self, stretch: Stretch) -> Sequence[Step]:
+        """The steps of its first round."""
+        return self.plan.steps[stretch.first : stretch.first + stretch.period]
+
+    def table(self, stretch: Stretch, record: Callable[[Step], Sequence[int]]) -> list[list[int]]:
+        """The records of a stretch, a line for each of its rounds."""
+        steps, period = self.steps(stretch), stretch.period
+        return [
+            [number for step in steps[k : k + period] for number in record(step)]
+            for k in range(0, len(steps), period)
+        ]
+
+
+def _affordable(plan: Elimination) -> list[Stretch]:
+    """The stretches of an elimination. Where their bodies would be too long, they count as not repeating."""
+    complex_entries = set(plan.complex_entries)
+
+    def shape(step: Step) -> tuple[tuple[bool, ...], tuple[bool, ...]]:
+        below = tuple((i, step.pivot) in complex_entries for i in step.below)
+        return below, tuple((step.pivot, j) in complex_entries for j in step.right)
+
+    left = LARGE
+    found: list[Stretch] = []
+    for stretch in stretches([shape(step) for step in plan.steps], MANY):
+        body = plan.steps[stretch.first : stretch.first + stretch.period]
+        updates = sum(1 + len(step.below) * len(step.right) for step in body)
+        if stretch.rounds > 1 and updates <= left:
+            left -= updates
+            found.append(stretch)
+        elif found and found[-1].rounds == 1:
+            found[-1] = Stretch(found[-1].first, stretch.end - found[-1].first, 1)
+        else:
+            found.append(Stretch(stretch.first, stretch.end - stretch.first, 1))
+    return found
+
+
+class TableCode:
+    """Emits factorisation and solutions of one elimination by tables. `memory` is the address of the factors."""
+
+    def __init__(self, plan: Elimination, lanes: int, unit: Unit) -> None:
+        self.layout, self.lanes, self.unit = Layout(plan, lanes), lanes, unit
+        signs = LaneConstant((-1.0,) * (lanes // 2) + (1.0,) * (lanes // 2))
+        self.names: dict[str, Any] = {"SIGNS": signs, "entry_times": irregular.complex_times}
+        self.real_names: dict[str, Any] = {"entry_times": irregular.real_times}
+
+    # ---- the matrix -------------------------------------------------------------------------------
 
     def fill(
-        self, math: Arithmetic, h: Value, jacobian: Mapping[Entry, Value], eigenvalues: Value, memory: Any
+        self,
+        builder: ir.IRBuilder,
+        h: Value,
+        values: Any,
+        slots: Mapping[Entry, int],
+        eigenvalues: Value,
+        memory: Any,
     ) -> None:
-        """Store lambda I - h J, fill-in as zeros."""
-        half = self.lanes // 2
-        kind = Float(self.lanes)
-        ones = Value(ir.Constant(llvm_type(kind), [1.0] * half + [0.0] * half), kind)
-        zero = Value(ir.Constant(llvm_type(kind), [0.0] * self.lanes), kind)
-        minus_h = math.negate(h)
-        for (i, j), place in self.places.items():
-            value = eigenvalues if i == j else zero
-            if (i, j) in jacobian:
-                value = math.binary(
-                    "Add", value, math.binary("Mult", math.binary("Mult", minus_h, jacobian[i, j]), ones)
-                )
-            where = ir.Constant(I64, place * self.lanes)
-            address = math.builder.gep(memory, [where], inbounds=True, source_etype=DOUBLE)
-            math.builder.store(value.ir, address, align=8)
+        """Store lambda I - h J. `values` is the address of doubles, `slots` says which of them are the entries of J."""
+        packed, layout, n = Packed(builder, self.lanes), self.layout, self.layout.plan.n
+        zero = packed.constant([0.0] * self.lanes)
+        for first, last, value in ((0, n, eigenvalues), (n, layout.packed, zero)):
+            if first < last:
+                with counted(builder, last - first) as k:
+                    place = scaled(builder, builder.add(k, ir.Constant(I64, first)), self.lanes)
+                    store(builder, memory, place, value)
+        minus_h = packed.math.negate(h)
+        for width in (1, self.lanes):
+            table = [(layout.places[e], slot) for e, slot in slots.items() if layout.width(e) == width]
+            if not table:
+                continue
+            with each_row(self.unit, builder, table) as (place, slot):
+                value = packed.math.binary("Mult", minus_h, load(builder, values, slot, 1))
+                if width > 1:
+                    value = packed.math.binary("Mult", value, packed.one)
+                    value = packed.math.binary("Add", load(builder, memory, place, width), value)
+                store(builder, memory, place, value)
 
-    def factoring(self) -> tuple[Emitted, Value]:
-        """The function factor_by_table, and its table."""
-        table: list[int] = []
-        for pivot, below, right in self.plan.steps:
-            table += [self.places[pivot, pivot], len(below), len(right)]
-            for i in below:
-                table.append(self.places[i, pivot])
-                for j in right:
-                    table += [self.places[pivot, j], self.places[i, j]]
-        return self.unit.dialect(factor_by_table, self.lanes, self.names), self.unit.table(
-            "factor_table", table
+    def factor(self, builder: ir.IRBuilder, memory: Any) -> None:
+        """Factor what `fill` has stored."""
+        for stretch in self.layout.stretches:
+            if stretch.rounds == 1:
+                text = self.unit.dialect(irregular.factor_by_table, self.lanes, self.names)
+                records = map(self._factor_record, self.layout.steps(stretch))
+                self._go_through(builder, text.function, [memory], stretch, records)
+                continue
+            with each_row(self.unit, builder, self.layout.table(stretch, self._factor_places)) as row:
+                places = iter(row)
+                for step in self.layout.body(stretch):
+                    self._factor_step(builder, memory, step, places)
+
+    def _factor_step(self, builder: ir.IRBuilder, memory: Any, step: Step, places: Iterator[Number]) -> None:
+        """One step, written out for all of its shape."""
+        packed, width = Packed(builder, self.lanes), self.layout.width
+        place = next(places)
+        inverse = packed.inverse(load(builder, memory, place, self.lanes))
+        store(builder, memory, place, inverse)
+        below = [load(builder, memory, next(places), width((i, step.pivot))) for i in step.below]
+        right = [load(builder, memory, next(places), width((step.pivot, j))) for j in step.right]
+        for entry in below:
+            multiplier = packed.spread(packed.times(packed.factor(entry), inverse))
+            for other in right:
+                place = next(places)
+                now = load(builder, memory, place, self.lanes)
+                update = packed.product(multiplier, other)
+                store(builder, memory, place, packed.math.binary("Sub", now, update))
+
+    def _factor_places(self, step: Step) -> list[int]:
+        pivot, below, right = step.pivot, step.below, step.right
+        entries = [(pivot, pivot), *((i, pivot) for i in below), *((pivot, j) for j in right)]
+        return [self.layout.places[e] for e in [*entries, *((i, j) for i in below for j in right)]]
+
+    def _factor_record(self, step: Step) -> list[int]:
+        """For `irregular.factor_by_table`, where places count lanes."""
+
+        def place(i: int, j: int) -> int:
+            return self.layout.places[i, j] // self.lanes
+
+        record = [place(step.pivot, step.pivot), len(step.below), len(step.right)]
+        for i in step.below:
+            record.append(place(i, step.pivot))
+            for j in step.right:
+                record += [place(step.pivot, j), place(i, j)]
+        return record
+
+    def _go_through(
+        self,
+        builder: ir.IRBuilder,
+        function: ir.Function,
+        arrays: Sequence[Any],
+        stretch: Stretch,
+        records: Iterable[Sequence[int]],
+    ) -> None:
+        """Call a loop of `irregular.py`."""
+        table = self.unit.table("steps", [number for record in records for number in record])
+        builder.call(function, [*arrays, table.ir, ir.Constant(I64, stretch.period)])
+
+    # ---- solutions --------------------------------------------------------------------------------
+
+    def solve(self, builder: ir.IRBuilder, b: Any, memory: Any, width: int, *, real: bool) -> None:
+        """Solve in place for b of `width` lanes; `real`: by the real eigenvalue's matrix, for a right-hand side in each lane."""
+        code = _Substitution(self.layout, Packed(builder, self.lanes), builder, b, memory, width, real)
+        for stretch in self.layout.stretches:
+            self._substitute(code, stretch, back=False)
+        for stretch in reversed(self.layout.stretches):
+            self._substitute(code, stretch, back=True)
+
+    def _substitute(self, code: _Substitution, stretch: Stretch, *, back: bool) -> None:
+        """One direction of a stretch."""
+        if stretch.rounds == 1:
+            names = self.real_names if code.real else self.names
+            loop = irregular.back_by_table if back else irregular.forward_by_table
+            text = self.unit.dialect(loop, code.width, names)
+            steps = self.layout.steps(stretch)
+            records = ([row, place, len(rest) // 2, *rest] for row, place, *rest in (
+                code.record(step, back) for step in (reversed(steps) if back else steps)
+            ))  # fmt: skip
+            self._go_through(code.builder, text.function, [code.b, code.memory], stretch, records)
+            return
+        body = self.layout.body(stretch)
+        table = self.layout.table(stretch, lambda step: code.record(step, back))
+        with each_row(self.unit, code.builder, table, backwards=back) as row:
+            numbers = iter(row)
+            given = [(step, [next(numbers) for _ in code.record(step, back)]) for step in body]
+            for step, record in reversed(given) if back else given:
+                (code.back if back else code.forward)(step, record)
+
+
+@dataclass(frozen=True, slots=True)
+class _Substitution:
+    """Emits steps of forward and back substitution, written out for all of their shape."""
+
+    layout: Layout
+    packed: Packed
+    builder: ir.IRBuilder
+    b: Any
+    memory: Any
+    width: int
+    real: bool
+
+    def record(self, step: Step, back: bool) -> list[int]:
+        """The numbers of a step: row and place of the pivot, then of all other entries."""
+        others = (
+            ((j, (step.pivot, j)) for j in step.right) if back else ((i, (i, step.pivot)) for i in step.below)
+        )
+        pairs = [(step.pivot, (step.pivot, step.pivot)), *others]
+        return [number for row, entry in pairs for number in (row, self.layout.places[entry])]
+
+    def forward(self, step: Step, record: Sequence[Number]) -> None:
+        """Find the pivot's unknown, and take it from the rows below."""
+        row, place, *rest = record
+        known = self._times((step.pivot, step.pivot), place, self._load(row))
+        self._store(row, known)
+        for i, row, place in zip(step.below, rest[::2], rest[1::2], strict=True):
+            update = self._times((i, step.pivot), place, known)
+            self._store(row, self.packed.math.binary("Sub", self._load(row), update))
+
+    def back(self, step: Step, record: Sequence[Number]) -> None:
+        """Take the unknowns of the columns to the right from the pivot's."""
+        row, place, *rest = record
+        terms = [
+            self._times((step.pivot, j), other, self._load(column))
+            for j, column, other in zip(step.right, rest[::2], rest[1::2], strict=True)
+        ]
+        if terms:
+            total = functools.reduce(functools.partial(self.packed.math.binary, "Add"), terms)
+            update = self._times((step.pivot, step.pivot), place, total)
+            self._store(row, self.packed.math.binary("Sub", self._load(row), update))
+
+    def _times(self, entry: Entry, place: Number, value: Value) -> Value:
+        lanes = 1 if self.real else self.layout.width(entry)
+        kept = load(self.builder, self.memory, place, lanes)
+        return (
+            self.packed.math.binary("Mult", kept, value)
+            if self.real
+            else self.packed.times(self.packed.factor(kept), value)
         )
 
-    def solving(self, *, real: bool, width: int) -> tuple[Emitted, Value]:
-        """The function solve_by_table or solve_real_by_table, and their table."""
-        table: list[int] = []
-        for pivot, below, _ in self.plan.steps:
-            table += [pivot, len(below)]
-            for i in below:
-                table += [self.places[i, pivot], i]
-        for pivot, _, right in reversed(self.plan.steps):
-            table += [pivot, len(right), self.places[pivot, pivot]]
-            for j in right:
-                table += [self.places[pivot, j], j]
-        made = self.unit.dialect(solve_real_by_table if real else solve_by_table, width, self.names)
-        return made, self.unit.table("solve_table", table)
+    def _load(self, row: Number) -> Value:
+        return load(self.builder, self.b, scaled(self.builder, row, self.width), self.width)
+
+    def _store(self, row: Number, value: Value) -> None:
+        store(self.builder, self.b, scaled(self.builder, row, self.width), value)

@@ -72,15 +72,23 @@ def divide(
     return Division(tuple(before), tuple(reached), tuple(sorted(kept)))
 
 
-def series(calls: Sequence[CallForm], classes: Sequence[Class]) -> list[tuple[CallForm, ...]]:
-    """Calls that set outs, those of one part of a class together whose inputs are in the same kinds of places; none reads an out of its own series."""
+def series(
+    calls: Sequence[CallForm],
+    classes: Sequence[Class],
+    held: Callable[[CallForm], tuple[bool, ...]] = lambda call: (),
+) -> list[tuple[CallForm, ...]]:
+    """Calls in an order in which they may be made, those that differ in numbers only together; none reads an out of its own series.
+
+    `held`: which inputs of a call do not depend on states, where that makes a difference.
+    """
     depths: dict[int, int] = {}
-    found: dict[tuple[int, int, int, tuple[str, ...]], list[CallForm]] = {}
+    found: dict[tuple[int, int, int, tuple[str, ...], tuple[bool, ...]], list[CallForm]] = {}
     for call in calls:
-        depth = 1 + max((depths[k] for where, k in call.sources if where == "out"), default=0)
-        depths.update(dict.fromkeys(_made(call, classes), depth))
+        depth = 1 + max((depths.get(k, 0) for where, k in call.sources if where == "out"), default=0)
+        if call.part >= 0:
+            depths.update(dict.fromkeys(_made(call, classes), depth))
         places = tuple(where for where, _ in call.sources)
-        found.setdefault((depth, call.kind, call.part, places), []).append(call)
+        found.setdefault((depth, call.kind, call.part, places, held(call)), []).append(call)
     return [tuple(found[key]) for key in sorted(found, key=lambda key: key[0])]
 
 

@@ -1,74 +1,26 @@
 """Straight-line sparse LU for the Newton matrices of an implicit step: lambda I - h J for several lambda at once.
 
-One packed value holds a complex number for each lambda: real parts in the lower half of the lanes, imaginary parts in the upper half. Pivots are
-static, on the diagonal, in Markowitz order (least fill first): for small h the matrix is close to lambda I, and a step whose pivots fail is rejected by
-its Newton iteration. Entries that stay -h J[i,j] are kept as real scalars.
+One packed value holds a complex number for each lambda. Pivots are static, on the diagonal, in the order of `elimination.py`: for small h the matrix is
+close to lambda I, and a step whose pivots fail is rejected by its Newton iteration. Entries that stay -h J[i,j] are kept as real scalars.
 """
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from llvmlite import ir
 
-from hierc.runtime.machine.arithmetic import Arithmetic
+from hierc.runtime.machine.elimination import Elimination, Entry
+from hierc.runtime.machine.packed import Packed
 from hierc.runtime.machine.types import DOUBLE, I64, Float, Value, llvm_type
 
-Entry = tuple[int, int]
 
-
-@dataclass(frozen=True, slots=True)
-class Elimination:
-    """Order of elimination: (pivot, rows below, columns right) a step; which off-diagonal entries become complex, which stay real."""
-
-    n: int
-    steps: tuple[tuple[int, tuple[int, ...], tuple[int, ...]], ...]
-    complex_entries: tuple[Entry, ...]
-    real_entries: tuple[Entry, ...]
-
-    @property
-    def updates(self) -> int:
-        """Multiplications and subtractions of one factorisation."""
-        return sum(len(below) * len(right) for _, below, right in self.steps)
-
-    @property
-    def entries(self) -> int:
-        """Entries that one solve goes through."""
-        return self.n + len(self.complex_entries) + len(self.real_entries)
-
-    def size(self, lanes: int) -> int:
-        """Doubles that the factors take: inverse pivots and complex entries twice (spread for multiplication), then real ones."""
-        return 2 * lanes * (self.n + len(self.complex_entries)) + -(-len(self.real_entries) // lanes) * lanes
-
-
-def eliminate(n: int, pattern: frozenset[Entry]) -> Elimination:
-    """Symbolic elimination of a matrix with these nonzeros (the diagonal always counts), in Markowitz order, ties by index."""
-    filled = {(i, j) for i, j in pattern if i != j}
-    rows: dict[int, set[int]] = {k: {i for i, j in filled if j == k} for k in range(n)}
-    columns: dict[int, set[int]] = {k: {j for i, j in filled if i == k} for k in range(n)}
-    touched: set[Entry] = set()
-    steps = []
-    left = set(range(n))
-    while left:
-        pivot = min(left, key=lambda k: (len(rows[k]) * len(columns[k]), len(rows[k]) + len(columns[k]), k))
-        left.remove(pivot)
-        below, right = sorted(rows[pivot]), sorted(columns[pivot])
-        steps.append((pivot, tuple(below), tuple(right)))
-        for i in below:
-            columns[i].discard(pivot)
-        for j in right:
-            rows[j].discard(pivot)
-        for i in below:
-            for j in right:
-                if i != j:
-                    touched.add((i, j))
-                    filled.add((i, j))
-                    rows[j].add(i)
-                    columns[i].add(j)
-    return Elimination(n, tuple(steps), tuple(sorted(touched)), tuple(sorted(filled - touched)))
+def factor_size(plan: Elimination, lanes: int) -> int:
+    """Doubles that the factors take: inverse pivots and complex entries twice (spread for multiplication), then real ones."""
+    spread = 2 * lanes * (plan.n + len(plan.complex_entries))
+    return spread + -(-len(plan.real_entries) // lanes) * lanes
 
 
 class LinearCode:
@@ -77,7 +29,8 @@ class LinearCode:
     def __init__(self, plan: Elimination, lanes: int, builder: ir.IRBuilder, memory: Any) -> None:
         self.plan = plan
         self.lanes = lanes
-        self.math = Arithmetic(builder, contract=True)
+        self.packed = Packed(builder, lanes)
+        self.math = self.packed.math
         self.builder = builder
         self.memory = memory
         self.complex_slot = {
@@ -92,7 +45,7 @@ class LinearCode:
 
     def _store(self, entry: Entry, value: Value) -> None:
         """Store a packed entry spread for multiplication: (re, re) and (-im, im)."""
-        spread = self._spread(value)
+        spread = self.packed.spread(value)
         for part, v in enumerate(spread):
             self.builder.store(
                 v.ir, self._address((2 * self.complex_slot[entry] + part) * self.lanes), align=8
@@ -127,50 +80,12 @@ class LinearCode:
         )
         return Value(loaded, Float())
 
-    # ---- packed complex arithmetic --------------------------------------------------------------
-
-    def _spread(self, a: Value) -> tuple[Value, Value]:
-        half = self.lanes // 2
-        low, high = list(range(half)), list(range(half, self.lanes))
-        signs = Value(
-            ir.Constant(llvm_type(Float(self.lanes)), [-1.0] * half + [1.0] * half), Float(self.lanes)
-        )
-        return self.math.shuffle(a, low + low), self.math.binary(
-            "Mult", self.math.shuffle(a, high + high), signs
-        )
-
-    def _swap(self, a: Value) -> Value:
-        half = self.lanes // 2
-        return self.math.shuffle(a, [*range(half, self.lanes), *range(half)])
-
-    def _times(self, a: tuple[Value, ...] | Value, b: Value) -> Value:
-        """a*b; `a` spread or a real scalar, `b` packed."""
-        if isinstance(a, Value):
-            return self.math.binary("Mult", a, b)
-        return self.math.binary(
-            "Add", self.math.binary("Mult", a[0], b), self.math.binary("Mult", a[1], self._swap(b))
-        )
-
-    def _inverse(self, a: Value) -> Value:
-        half = self.lanes // 2
-        squares = self.math.binary("Mult", a, a)
-        modulus = self.math.binary("Add", squares, self._swap(squares))
-        signs = Value(
-            ir.Constant(llvm_type(Float(self.lanes)), [1.0] * half + [-1.0] * half), Float(self.lanes)
-        )
-        return self.math.binary(
-            "Mult", self.math.binary("Mult", a, signs), self.math.binary("Div", 1.0, modulus)
-        )
-
     # ---- the three pieces -----------------------------------------------------------------------
 
     def factor(self, h: Value, jacobian: Mapping[Entry, Value], eigenvalues: Value) -> None:
         """Factor lambda I - h J; `eigenvalues` packed."""
         minus_h = self.math.negate(h)
-        half = self.lanes // 2
-        real_lanes = Value(
-            ir.Constant(llvm_type(Float(self.lanes)), [1.0] * half + [0.0] * half), Float(self.lanes)
-        )
+        real_lanes = self.packed.one
         packed: dict[Entry, Value] = {}
         scalar: dict[Entry, Value] = {}
         for entry, value in jacobian.items():
@@ -184,15 +99,13 @@ class LinearCode:
         for entry in self.plan.real_entries:
             first = 2 * self.lanes * len(self.complex_slot)
             self.builder.store(scalar[entry].ir, self._address(first + self.real_slot[entry]), align=8)
-        for pivot, below, right in self.plan.steps:
-            inverse = self._inverse(packed[pivot, pivot])
-            self._store((pivot, pivot), inverse)
-            for i in below:
-                if not right:
-                    continue
-                multiplier = self._spread(self._product(packed, scalar, (i, pivot), inverse))
-                for j in right:
-                    update = self._update(packed, scalar, (pivot, j), multiplier, real_lanes)
+        for step in self.plan.steps:
+            inverse = self.packed.inverse(packed[step.pivot, step.pivot])
+            self._store((step.pivot, step.pivot), inverse)
+            for i in step.below if step.right else ():
+                multiplier = self.packed.spread(self._product(packed, scalar, (i, step.pivot), inverse))
+                for j in step.right:
+                    update = self._update(packed, scalar, (step.pivot, j), multiplier)
                     current = self._current(packed, scalar, (i, j), real_lanes)
                     packed[i, j] = (
                         self.math.negate(update)
@@ -205,7 +118,7 @@ class LinearCode:
     def _product(
         self, packed: dict[Entry, Value], scalar: dict[Entry, Value], entry: Entry, b: Value
     ) -> Value:
-        return self._times(self._spread(packed[entry]) if entry in packed else scalar[entry], b)
+        return self.packed.times(self.packed.spread(packed[entry]) if entry in packed else scalar[entry], b)
 
     def _update(
         self,
@@ -213,16 +126,10 @@ class LinearCode:
         scalar: dict[Entry, Value],
         entry: Entry,
         spread: tuple[Value, Value],
-        ones: Value,
     ) -> Value:
         if entry in packed:
-            return self._times(spread, packed[entry])
-        # a real entry times a spread number: (re, im) again, from the halves of the spread parts
-        half = self.lanes // 2
-        joined = self.math.shuffle(
-            spread[0], [*range(half), *range(self.lanes + half, 2 * self.lanes)], spread[1]
-        )
-        return self.math.binary("Mult", scalar[entry], joined)
+            return self.packed.times(spread, packed[entry])
+        return self.math.binary("Mult", scalar[entry], self.packed.joined(spread))
 
     def _current(
         self, packed: dict[Entry, Value], scalar: dict[Entry, Value], entry: Entry, real_lanes: Value
@@ -234,7 +141,7 @@ class LinearCode:
     def solve(self, load: Callable[[int], Value], store: Callable[[int, Value], None]) -> None:
         """Solve with packed right-hand sides b[i] = load(i), in place."""
         b = [load(i) for i in range(self.plan.n)]
-        self._substitute(b, self._load, self._times)
+        self._substitute(b, self._load, self.packed.times)
         for i, value in enumerate(b):
             store(i, value)
 
@@ -248,11 +155,11 @@ class LinearCode:
     def _substitute(
         self, b: list[Value], entry: Callable[[Entry], Any], times: Callable[[Any, Value], Value]
     ) -> None:
-        for pivot, below, _ in self.plan.steps:
+        for pivot, below in ((step.pivot, step.below) for step in self.plan.steps):
             b[pivot] = times(entry((pivot, pivot)), b[pivot])
             for i in below:
                 b[i] = self.math.binary("Sub", b[i], times(entry((i, pivot)), b[pivot]))
-        for pivot, _, right in reversed(self.plan.steps):
+        for pivot, right in ((step.pivot, step.right) for step in reversed(self.plan.steps)):
             if right:
                 terms = [times(entry((pivot, j)), b[j]) for j in right]
                 summed = functools.reduce(functools.partial(self.math.binary, "Add"), terms)

@@ -2,12 +2,15 @@
 
 An implicit step evaluates a right-hand side at the same times again and again while only the states change. Whatever does not depend on the states is
 computed once a step: `split` moves those statements into a function of their own, which leaves the values that the rest needs in an array `v`. Factors
-of a matrix take several entries of it.
+of a matrix take several entries of it. `narrowed` leaves out of a function what some of its results do not need.
+
+Every statement is looked at once (`_facts`), and what follows from that goes from name to name, so all of this takes time in proportion to the text.
 """
 
 from __future__ import annotations
 
 import ast
+import functools
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 
@@ -32,12 +35,12 @@ def split(function: ast.FunctionDef, output: str, fixed: Fixed, *, telling: bool
     """Split `function(…, output)`. The new functions take a last argument `v`; `before` has no `output`, unless it is `telling` what of it is
     fixed.
     """
-    moving = _moving_names(function, fixed)
+    moving = _moving(function, fixed)
     before: list[ast.stmt] = []
     after: list[ast.stmt] = []
     saved = 0
-    for statement in function.body:
-        if _moves(statement, moving, fixed):
+    for k, statement in enumerate(function.body):
+        if k in moving:
             after.append(statement)
         elif isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Subscript):
             before.append(_assign(_item("v", saved, context=ast.Store()), statement.value))
@@ -67,14 +70,20 @@ def split(function: ast.FunctionDef, output: str, fixed: Fixed, *, telling: bool
 
 def depends(function: ast.FunctionDef, output: str, fixed: Fixed) -> set[int]:
     """Indices of `output` whose values are not fixed."""
-    moving = _moving_names(function, fixed)
-    found: set[int] = set()
-    for statement in function.body:
-        if _moves(statement, moving, fixed):
-            for target in targets(statement):
-                if isinstance(target, ast.Subscript):
-                    found.add(_index(target))
-    return found
+    facts = _facts(function)
+    return {entry for k in _moving(function, fixed) for array, entry in facts[k].stored if array == output}
+
+
+def narrowed(function: ast.FunctionDef, output: str, entries: Collection[int]) -> ast.FunctionDef:
+    """The function without what these entries of its output do not need; others need not be set."""
+    needed: set[str] = set()
+    kept: list[ast.stmt] = []
+    wanted = {(output, k) for k in entries}
+    for statement, facts in zip(reversed(function.body), reversed(_facts(function)), strict=True):
+        if not (facts.stored.isdisjoint(wanted) and facts.assigned.isdisjoint(needed)):
+            kept.append(statement)
+            needed |= facts.names
+    return _function(function.name, [a.arg for a in function.args.args], kept[::-1])
 
 
 def switches(function: ast.FunctionDef) -> bool:
@@ -87,34 +96,71 @@ def switches(function: ast.FunctionDef) -> bool:
     )
 
 
-def _moving_names(function: ast.FunctionDef, fixed: Fixed) -> set[str]:
-    """Names that any assignment makes depend on the states; grows until nothing changes."""
-    moving: set[str] = set()
-    while True:
-        found = {
-            target.id
-            for statement in function.body
-            if _moves(statement, moving, fixed)
-            for target in targets(statement)
-            if isinstance(target, ast.Name)
-        }
-        if found <= moving:
-            return moving
-        moving |= found
+@dataclass(frozen=True, slots=True)
+class _Facts:
+    """Of one statement: all names in it and those that it sets, and the entries of arrays that it reads and stores."""
+
+    names: frozenset[str]
+    assigned: frozenset[str]
+    read: frozenset[tuple[str, int]]
+    stored: frozenset[tuple[str, int]]
+    branches: bool
 
 
-def _moves(statement: ast.stmt, moving: Collection[str], fixed: Fixed) -> bool:
-    if isinstance(statement, ast.If) and any(isinstance(t, ast.Subscript) for t in targets(statement)):
+@functools.lru_cache(maxsize=64)
+def _facts(function: ast.FunctionDef) -> tuple[_Facts, ...]:
+    """Of each statement of a function. Trees are known by their identity, and are never changed."""
+    return tuple(_facts_of(statement) for statement in function.body)
+
+
+def _facts_of(statement: ast.stmt) -> _Facts:
+    names: set[str] = set()
+    assigned: set[str] = set()
+    read: set[tuple[str, int]] = set()
+    stored: set[tuple[str, int]] = set()
+    stack: list[ast.AST] = [statement]
+    while stack:
+        match node := stack.pop():
+            case ast.Name(id=name, ctx=context):
+                names.add(name)
+                if isinstance(context, ast.Store):
+                    assigned.add(name)
+            case ast.Subscript(value=ast.Name(id=array), ctx=context):
+                (stored if isinstance(context, ast.Store) else read).add((array, _index(node)))
+            case ast.BinOp(left=left, right=right):
+                stack += (left, right)
+            case _:
+                stack += ast.iter_child_nodes(node)
+    return _Facts(
+        frozenset(names),
+        frozenset(assigned),
+        frozenset(read),
+        frozenset(stored),
+        isinstance(statement, ast.If),
+    )
+
+
+def _moving(function: ast.FunctionDef, fixed: Fixed) -> set[int]:
+    """The numbers of the statements that are not fixed: what reads something that is not, and whatever has to do with a name that one of them sets."""
+    facts = _facts(function)
+    users: dict[str, list[int]] = {}
+    for k, fact in enumerate(facts):
+        for name in fact.names:
+            users.setdefault(name, []).append(k)
+    stack = [k for k, fact in enumerate(facts) if _begins_to_move(fact, fixed)]
+    moving = set(stack)
+    while stack:
+        for name in facts[stack.pop()].assigned:
+            new = [k for k in users.pop(name, ()) if k not in moving]
+            moving.update(new)
+            stack += new
+    return moving
+
+
+def _begins_to_move(fact: _Facts, fixed: Fixed) -> bool:
+    if fact.branches and fact.stored:
         return True  # stores within a branch stay together with it
-    for node in ast.walk(statement):
-        match node:
-            case ast.Name(id=name) if name in moving:
-                return True
-            case ast.Subscript(value=ast.Name(id=array), ctx=ast.Load()) if not fixed(array, _index(node)):
-                return True
-            case ast.Name(id="t") if not fixed("t", 0):
-                return True
-    return False
+    return ("t" in fact.names and not fixed("t", 0)) or not all(fixed(*item) for item in fact.read)
 
 
 def targets(statement: ast.stmt) -> Iterable[ast.expr]:

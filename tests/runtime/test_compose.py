@@ -8,14 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from machine_code import Floats, exported, room
-from small_models import ARM, DECAY, MIXER, OSCILLATOR, At, a_class, a_plan
+from scipy.integrate import solve_ivp
+from small_models import ARM, DECAY, MIXER, OSCILLATOR, At, Source, a_class, a_plan
 
 from hierc.runtime.contract import Plan
-from hierc.runtime.machine import body
+from hierc.runtime.machine import body, compose
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.forms import Wiring, wire
 from hierc.runtime.machine.unit import Unit, parse_function
 from hierc.runtime.methods.radau_tables import RADAU5, RADAU9
+from hierc.runtime.model import Model
 from hierc.runtime.parameters import parameter_vector
 from hierc.runtime.system import System
 
@@ -46,9 +48,24 @@ GROUPINGS: Sequence[Mapping[str, Sequence[str]]] = (
 )
 
 
+def string_of_arms(count: int) -> Plan:
+    """Behind an oscillator a group of arms, each of which moves its neighbours by outs of nodes between them. No two arms are equal in numbers."""
+    nodes = {"osc": At(OSCILLATOR, (), 1)}
+    parameters = {"osc.w": 1.3}
+    for k in range(1, count + 1):
+        before, after = 2 * k - 2, 2 * k
+        ahead: Source = (before, "out", 0) if k > 1 else (0, "state", 0)
+        behind: Source = (after, "out", 1) if k < count else (0, "state", 1)
+        nodes[f"arm{k}"] = At(ARM, (ahead, behind), 2)
+        if k < count:
+            nodes[f"mix{k}"] = At(MIXER, ((2 * k - 1, "out", 0), (2 * k + 1, "state", 1)))
+        parameters |= {f"arm{k}.k": 0.7 + 0.01 * k, f"arm{k}.d": 0.4 - 0.02 * k}
+    return a_plan(nodes, {"osc": ["osc"], "arms": [f"arm{k}" for k in range(1, count + 1)]}, parameters)
+
+
 def cases() -> list[tuple[Plan, int]]:
     plans = [a_plan(NODES, groups, PARAMETERS) for groups in GROUPINGS]
-    return [(plan, g) for plan in plans for g in range(len(plan.groups))]
+    return [*((plan, g) for plan in plans for g in range(len(plan.groups))), (string_of_arms(9), 1)]
 
 
 CASES = pytest.mark.parametrize(
@@ -107,13 +124,31 @@ def some_states(group: Group) -> tuple[Floats, Floats]:
     return RNG.uniform(0, 5, group.lanes), RNG.normal(0, 1, (group.lanes, group.system.size))
 
 
+NEVER = 10**9
+
+
+@pytest.fixture(params=["written out", "by table"])
+def by_table(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
+    """All groups are done in one way."""
+    tables = request.param == "by table"
+    for module, name, value in (
+        (compose, "ALIKE", 1),
+        (compose, "LARGE", -1),
+        (body, "MANY", 2),
+        (body, "COPIES", 2),
+    ):
+        monkeypatch.setattr(module, name, value if tables else NEVER)
+    return tables
+
+
 @pytest.mark.parametrize("lanes", [1, 8])
 @CASES
-def test_right_hand_side(plan: Plan, g: int, lanes: int) -> None:
+def test_right_hand_side(plan: Plan, g: int, lanes: int, by_table: bool) -> None:
     group = Group(plan, g, lanes)
     t, x = some_states(group)
     u, p = group.inputs(t, x), group.values
     fixed, rest = group.composer(), group.composer()
+    assert rest.large == by_table
     v, dx = room(fixed.saved, lanes), room(group.n, lanes)
     exported(fixed.unit, fixed.rhs_fixed)(t, u, p, v)
     exported(rest.unit, rest.rhs)(t, group.states(x), u, p, dx, v)
@@ -126,7 +161,7 @@ def test_right_hand_side(plan: Plan, g: int, lanes: int) -> None:
 
 
 @CASES
-def test_published_outs(plan: Plan, g: int) -> None:
+def test_published_outs(plan: Plan, g: int, by_table: bool) -> None:
     group = Group(plan, g, 4)
     wirings = wire(plan)
     t, x = some_states(group)
@@ -142,7 +177,7 @@ def test_published_outs(plan: Plan, g: int) -> None:
 
 @pytest.mark.parametrize("tables", [RADAU5, RADAU9], ids=["4 lanes", "8 lanes"])
 @CASES
-def test_newton_matrix(plan: Plan, g: int, tables) -> None:
+def test_newton_matrix(plan: Plan, g: int, tables, by_table: bool) -> None:
     """Solutions with lambda - h J satisfy the equations with J from plain Python, at the lane asked for."""
     lanes, half, middle = tables.lanes, tables.lanes // 2, 1
     group = Group(plan, g, lanes)
@@ -175,7 +210,8 @@ def test_the_systems_jacobian_against_differences(groups: Mapping[str, Sequence[
     """Six-point differences, error about 1e-12; the block of each group also has its pattern from the form."""
     plan = a_plan(NODES, groups, PARAMETERS)
     system = System(plan, parameter_vector(plan, {}))
-    x, t, h = RNG.normal(0, 1, system.size), 0.8, 1e-2
+    x, t, h = np.random.default_rng(5).normal(0, 1, system.size), 0.8, 1e-2
+    assert np.abs(x).min() > 3 * h  # arms have a kink at zero
     found = system.jacobian(t, x)
     weights = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
     for k in range(system.size):
@@ -256,3 +292,28 @@ def test_a_large_group_is_called_and_computes_the_same(monkeypatch: pytest.Monke
         results.append(dx)
     assert (results[0] == results[1]).all()
     assert (results[0] != 0.0).any()
+
+
+def test_code_of_a_group_does_not_grow() -> None:
+    """The second half of a string of agents adds nothing: calls, chain rule and linear algebra are loops."""
+    sizes = []
+    for count in (20, 40, 80):
+        group = Group(string_of_arms(count), 1, 8)
+        composer = group.composer()
+        functions = [
+            composer.rhs_fixed, composer.rhs, composer.factor(RADAU9.eigenvalues, 1),
+            composer.solve(), composer.solve_real(), composer.solve_lanes(), composer.publish(),
+        ]  # fmt: skip
+        sizes.append([body.inlined_size(emitted.function, {}) for emitted in functions])
+    assert sizes[0] == sizes[1] == sizes[2]
+
+
+def test_a_run_of_a_large_group() -> None:
+    """Thirty arms that move each other, against DOP853."""
+    model = Model(string_of_arms(30))
+    assert [w.form.states for w in model.engine.wiring] == [2, 90]
+    wanted = solve_ivp(model.rhs, (0.0, 3.0), model.initial(), "DOP853", rtol=1e-11, atol=1e-11).y[:, -1]
+    for method in ("radau5", "radau9", "radau13", "tsit5"):
+        result = model.simulate(stop=3.0, rtol=1e-7, atol=1e-7, method=method)
+        found = np.array([result[name][-1] for name in result.names if not name.endswith(".y0")])
+        assert found == pytest.approx(wanted, rel=1e-5, abs=1e-5)

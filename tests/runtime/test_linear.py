@@ -8,9 +8,11 @@ from machine_code import Floats, exported, room
 from small_models import a_class
 
 from hierc.runtime.contract import Class
+from hierc.runtime.machine import compose
+from hierc.runtime.machine.bytable import Layout
 from hierc.runtime.machine.calls import CallForm, Form
 from hierc.runtime.machine.compose import Composer
-from hierc.runtime.machine.linear import eliminate
+from hierc.runtime.machine.elimination import eliminate
 from hierc.runtime.machine.unit import Unit, parse_function
 from hierc.runtime.methods.radau_tables import RADAU5, RADAU9, RADAU13, Tables
 
@@ -80,14 +82,35 @@ def random_pattern(n: int, density: float) -> list[tuple[int, int]]:
     return sorted(zip(*(k.tolist() for k in np.nonzero(RNG.random((n, n)) < density)), strict=True))
 
 
+def chain_pattern(count: int) -> list[tuple[int, int]]:
+    """`count` agents of three states in a row, each of which the neighbours move."""
+    own = {
+        (3 * k + i, 3 * k + j)
+        for k in range(count)
+        for i, j in ((0, 1), (1, 0), (1, 1), (1, 2), (2, 2), (2, 0))
+    }
+    coupled = {(3 * k + 2, 3 * (k + d)) for k in range(count) for d in (-1, 1) if 0 <= k + d < count}
+    return sorted(own | coupled)
+
+
+PATTERNS = [
+    random_pattern(*p) for p in ((1, 1.0), (2, 0.0), (3, 1.0), (7, 0.3), (12, 0.25), (30, 0.05), (20, 0.6))
+]
+
+
 @pytest.mark.parametrize("tables", [RADAU5, RADAU9, RADAU13], ids=lambda t: f"radau{t.order}")
+@pytest.mark.parametrize("by_table", [False, True], ids=["written out", "by table"])
 @pytest.mark.parametrize(
-    ("n", "density"), [(1, 1.0), (2, 0.0), (3, 1.0), (7, 0.3), (12, 0.25), (30, 0.05), (20, 0.6)]
+    ("n", "pattern"),
+    [*zip((1, 2, 3, 7, 12, 30, 20), PATTERNS, strict=True), (30, chain_pattern(10))],
+    ids=["1", "2", "3", "7", "12", "30", "20", "chain"],
 )
-def test_against_numpy(tables: Tables, n: int, density: float) -> None:
-    pattern = random_pattern(n, density)
+def test_against_numpy(
+    tables: Tables, n: int, pattern: list[tuple[int, int]], by_table: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compose, "LARGE", -1 if by_table else 10**9)
     newton = Newton(linear_class(pattern, n), tables)
-    assert newton.by_table == (n == 20)  # all others are written out
+    assert newton.by_table == by_table
     eigenvalues = unpacked(np.array([tables.eigenvalues]))[0]
     for scale in (0.01, 1.0):
         values = RNG.normal(0, scale, max(len(pattern), 1))
@@ -108,6 +131,21 @@ def test_against_numpy(tables: Tables, n: int, density: float) -> None:
         assert np.isfinite(found).all()
         real = newton.solve_real(b[:, 0].real.copy())
         assert real == pytest.approx(found[:, 0].real, rel=1e-12, abs=1e-13)
+
+
+@pytest.mark.parametrize(("pattern", "repeats"), [(chain_pattern(10), True), (PATTERNS[-1], False)])
+def test_both_ways_of_a_table(pattern: list[tuple[int, int]], repeats: bool) -> None:
+    """The chain is eliminated by loops with a body of their own, the dense matrix number by number."""
+    n = 1 + max(i for i, _ in pattern)
+    layout = Layout(eliminate(n, frozenset(pattern)), 8)
+    assert any(stretch.rounds > 1 for stretch in layout.stretches) == repeats
+    assert any(layout.width(entry) == 1 for entry in layout.places) == repeats
+
+
+def test_what_is_large() -> None:
+    dense = [(i, j) for i in range(20) for j in range(20)]
+    assert Newton(linear_class(dense, 20), RADAU5).by_table
+    assert not Newton(linear_class(dense[: 20 * 8], 20), RADAU5).by_table
 
 
 def test_a_singular_matrix_gives_what_is_not_finite() -> None:
@@ -132,7 +170,7 @@ def test_the_order_of_elimination_fills_least() -> None:
     arrow = {(i, i) for i in range(n)} | {(0, i) for i in range(n)} | {(i, 0) for i in range(n)}
     plan = eliminate(n, frozenset(arrow))
     assert len(plan.complex_entries) + len(plan.real_entries) == 2 * (n - 1)
-    assert [pivot for pivot, _, _ in plan.steps].index(0) >= n - 2
+    assert [step.pivot for step in plan.steps].index(0) >= n - 2
     assert plan == eliminate(n, frozenset(sorted(arrow, reverse=True)))
 
 
