@@ -108,14 +108,14 @@ def coefficients(g: Group) -> None:
     g.regular = row
     h = g.trial
     for j in range(first, ROWS):
-        past = number(g, PAST + j - 1)
+        past = number(g.work, PAST + j - 1)
         whole = past + h
-        g.work[SCALE + j] = splat(number(g, SCALE + j - 1) * whole / number(g, PAST + j))
-        g.work[GROWTH + j] = splat(number(g, GROWTH + j - 1) * j * h / whole)
+        g.work[SCALE + j] = splat(number(g.work, SCALE + j - 1) * whole / number(g.work, PAST + j))
+        g.work[GROWTH + j] = splat(number(g.work, GROWTH + j - 1) * j * h / whole)
         mean = 0.0
         before = 0.0
         for q in range(j + 1):
-            same = number(g, BASIS + (j - 1) * ROWS + q)
+            same = number(g.work, BASIS + (j - 1) * ROWS + q)
             c = (h * before + past * same) / whole
             g.work[BASIS + j * ROWS + q] = splat(c)
             mean += c / (q + 1)
@@ -125,8 +125,8 @@ def coefficients(g: Group) -> None:
 
 def estimate(g: Group, order: int) -> float:
     """The error that the trial's size would make at its order k, or at k - 1 or k - 2, were all steps equal."""
-    norm = number(g, ERRORS + g.order_now - order)
-    return g.trial * number(g, GROWTH + order) * number(g, EQUAL + order) * norm
+    norm = number(g.work, ERRORS + g.order_now - order)
+    return g.trial * number(g.work, GROWTH + order) * number(g.work, EQUAL + order) * norm
 
 
 def better_below(g: Group) -> bool:
@@ -152,14 +152,14 @@ def after_acceptance(g: Group, above: float) -> None:
     elif building:
         g.order_now = k + 1
     elif k < row:
-        higher = g.trial * number(g, EQUAL + k + 1) * above
+        higher = g.trial * number(g.work, EQUAL + k + 1) * above
         if k > max(LEAST_ORDER, 1) and estimate(g, k - 1) <= min(error, higher):
             g.order_now = k - 1
             error = estimate(g, k - 1)
         elif k < MOST_ORDER and higher < (error if k > 1 else 0.5 * error):
             g.order_now = k + 1
             error = higher
-    error = max(error, number(g, ERRORS + 3))
+    error = max(error, number(g.work, ERRORS + 3))
     doubled = error * power(2.0, g.order_now + 1.0)
     g.h = g.trial
     if (building and not below) or doubled <= AIM:
@@ -167,7 +167,7 @@ def after_acceptance(g: Group, above: float) -> None:
     elif error > AIM:
         g.h = g.trial * max(0.5, min(0.9, power(AIM / error, 1.0 / (g.order_now + 1.0))))
     for j in range(1, ROWS):
-        g.work[PAST + ROWS - j] = splat(number(g, PAST + ROWS - j - 1) + g.trial)
+        g.work[PAST + ROWS - j] = splat(number(g.work, PAST + ROWS - j - 1) + g.trial)
     g.usual = max(g.trial, g.usual - 0.5 * g.trial)
     g.previous = g.trial
     g.alike = row
@@ -262,7 +262,7 @@ class Adams:
 
     @property
     def width(self) -> int:
-        return ROWS + 2
+        return ROWS
 
     @property
     def newton_tolerance(self) -> float:

@@ -1,7 +1,7 @@
 """The inner pieces of an Adams step; `adams.py` says what they are for and in what order they run.
 
 The past of a group is kept as modified divided differences (Shampine and Gordon, Computer Solution of Ordinary Differential Equations, 1975, chapter 5):
-row j of the history is the difference of order j, j = 0, 1, …, of the derivatives at the last knots, and, for what other groups read, of its values. For a
+row j of the history is the difference of order j, j = 0, 1, …, of the derivatives at the last knots, and, for what other groups read, of its values. A channel's differences stand side by side. For a
 step of size h to the knot t + h they are multiplied by `SCALE` to become those of a polynomial that is the sum of rows of `BASIS`,
 
     basis_0 = 1,  basis_j(theta) = basis_(j-1)(theta) (theta h + past_(j-1))/(h + past_(j-1)),
@@ -63,14 +63,14 @@ if TYPE_CHECKING:  # given by Adams.names
     def publish(t: Lanes, x: Array[Lanes], u: Array[Lanes], p: Array[float], y: Array[Lanes]) -> None: ...
 
 
-def number(g: Group, place: int) -> float:
+def number(work: Array[Lanes], place: int) -> float:
     """A number of the workspace."""
-    return lane(g.work[place], 0)
+    return lane(work[place], 0)
 
 
-def difference(g: Group, rows: int, count: int, j: int, i: int) -> float:
-    """Difference j of the i-th of `count` channels of a history, as the step under trial has it."""
-    return number(g, SCALE + j) * number(g, rows + j * count + i)
+def difference(work: Array[Lanes], past: Array[Lanes], j: int) -> float:
+    """Difference j of a channel with this past, as the step under trial has it."""
+    return number(work, SCALE + j) * number(past, j)
 
 
 def weight(g: Group, i: int) -> float:
@@ -99,20 +99,21 @@ def initial(g: Group) -> float:
     At order 1 the error is h**2 x''/2. With x'' taken as x'/T and T as the time in which x' crosses the scale of the states, 1/rtol tolerances,
     this is an eighth of the tolerance.
     """
-    begin_tables(g)
-    y = at(g.work, Y)
+    work = g.work
+    begin_tables(work)
     for i in range(N):
-        y[i] = splat(g.x[i])
-    rhs_fixed(splat(g.t), g.u, g.p, at(g.work, V))
-    derivative(g, g.t, y)
-    begin_history(g, HISTORY, F, N)
-    if PUBLISHED > 0:
-        published(g, g.t, y)
-        begin_history(g, SEEN, OUT, PUBLISHED)
+        work[Y + i] = splat(g.x[i])
+    rhs_fixed(splat(g.t), g.u, g.p, at(work, V))
+    derivative(g, g.t, at(work, Y))
     speed = 0.0
     for i in range(N):
-        q = number(g, F + i) * weight(g, i)
+        begin_past(at(work, HISTORY + i * ROWS), number(work, F + i))
+        q = number(work, F + i) * weight(g, i)
         speed += q * q
+    if PUBLISHED > 0:
+        published(g, g.t, at(work, Y))
+    for r in range(PUBLISHED):
+        begin_past(at(work, SEEN + r * ROWS), number(work, OUT + r))
     speed = math.sqrt(speed / N)
     h = 0.5 / (speed * math.sqrt(g.rtol / STRICTER))
     if not (speed > 1e-5):
@@ -120,26 +121,25 @@ def initial(g: Group) -> float:
     return h
 
 
-def begin_tables(g: Group) -> None:
+def begin_tables(work: Array[Lanes]) -> None:
     """What is known before the first step: the constants, and the first row of everything."""
     for place in range(FIRST):
-        g.work[place] = splat(0.0)
+        work[place] = splat(0.0)
     for j in unroll(ROWS):
-        g.work[PAST + j] = splat(float(j))
-        g.work[EQUAL + j] = splat(EQUAL_STEPS[j])
-        g.work[BETWEEN + j] = splat(LEFT_OUT[j])
-    g.work[SCALE] = splat(1.0)
-    g.work[MEAN] = splat(1.0)
-    g.work[GROWTH] = splat(1.0)
-    g.work[BASIS] = splat(1.0)
+        work[PAST + j] = splat(float(j))
+        work[EQUAL + j] = splat(EQUAL_STEPS[j])
+        work[BETWEEN + j] = splat(LEFT_OUT[j])
+    work[SCALE] = splat(1.0)
+    work[MEAN] = splat(1.0)
+    work[GROWTH] = splat(1.0)
+    work[BASIS] = splat(1.0)
 
 
-def begin_history(g: Group, rows: int, values: int, count: int) -> None:
-    """The values that were always there."""
-    for i in range(count):
-        g.work[rows + i] = g.work[values + i]
-        for j in range(1, ROWS):
-            g.work[rows + j * count + i] = splat(0.0)
+def begin_past(past: Array[Lanes], value: float) -> None:
+    """A channel that always had this value."""
+    past[0] = splat(value)
+    for j in range(1, ROWS):
+        past[j] = splat(0.0)
 
 
 # ---- predict, correct ---------------------------------------------------------------------------
@@ -150,51 +150,56 @@ def attempt(g: Group) -> float:
 
     Leaves the norms of the corrections to the polynomials of the order under trial and the two below.
     """
+    work = g.work
     k = g.order_now
+    h = g.trial
     for i in range(N):
+        past = at(work, HISTORY + i * ROWS)
         mean = 0.0
         end = 0.0
         for j in range(k):
-            d = difference(g, HISTORY, N, j, i)
-            mean = fma(number(g, MEAN + j), d, mean)
+            d = difference(work, past, j)
+            mean = fma(number(work, MEAN + j), d, mean)
             end += d
-        g.work[Y + i] = splat(fma(g.trial, mean, g.x[i]))
-        g.work[CHANGE + i] = splat(end)
-    rhs_fixed(splat(g.end), g.u, g.p, at(g.work, V))
-    derivative(g, g.end, at(g.work, Y))
+        work[Y + i] = splat(fma(h, mean, g.x[i]))
+        work[CHANGE + i] = splat(end)
+    rhs_fixed(splat(g.end), g.u, g.p, at(work, V))
+    derivative(g, g.end, at(work, Y))
     here = 0.0
     lower = 0.0
     lowest = 0.0
     for i in range(N):
-        change = number(g, F + i) - number(g, CHANGE + i)
-        g.work[CHANGE + i] = splat(change)
+        past = at(work, HISTORY + i * ROWS)
+        change = number(work, F + i) - number(work, CHANGE + i)
+        work[CHANGE + i] = splat(change)
         w = weight(g, i)
         here = fma(change * w, change * w, here)
         if k > 1:
-            change += difference(g, HISTORY, N, k - 1, i)
+            change += difference(work, past, k - 1)
             lower = fma(change * w, change * w, lower)
         if k > 2:
-            change += difference(g, HISTORY, N, k - 2, i)
+            change += difference(work, past, k - 2)
             lowest = fma(change * w, change * w, lowest)
-    g.work[ERRORS] = splat(math.sqrt(here / N))
-    g.work[ERRORS + 1] = splat(math.sqrt(lower / N))
-    g.work[ERRORS + 2] = splat(math.sqrt(lowest / N))
-    return g.trial * (number(g, MEAN + k - 1) - number(g, MEAN + k)) * math.sqrt(here / N)
+    work[ERRORS] = splat(math.sqrt(here / N))
+    work[ERRORS + 1] = splat(math.sqrt(lower / N))
+    work[ERRORS + 2] = splat(math.sqrt(lowest / N))
+    return h * (number(work, MEAN + k - 1) - number(work, MEAN + k)) * math.sqrt(here / N)
 
 
 def correct(g: Group) -> float:
     """States and derivatives at the end of the step; the error of what other groups read. Not a number where something is not finite."""
-    factor = g.trial * number(g, MEAN + g.order_now)
+    work = g.work
+    factor = g.trial * number(work, MEAN + g.order_now)
     for i in range(N):
-        g.work[NEXT + i] = splat(fma(factor, number(g, CHANGE + i), number(g, Y + i)))
-    derivative(g, g.end, at(g.work, NEXT))
+        work[NEXT + i] = splat(fma(factor, number(work, CHANGE + i), number(work, Y + i)))
+    derivative(g, g.end, at(work, NEXT))
     error = 0.0
     if PUBLISHED > 0:
-        published(g, g.end, at(g.work, NEXT))
+        published(g, g.end, at(work, NEXT))
         error = published_error(g)
-    g.work[ERRORS + 3] = splat(error)
+    work[ERRORS + 3] = splat(error)
     for i in range(N):
-        error += 0.0 * number(g, F + i)
+        error += 0.0 * number(work, F + i)
     return error
 
 
@@ -211,20 +216,21 @@ def published_error(g: Group) -> float:
     last = last_row(g)
     worst = 0.0
     for r in range(PUBLISHED):
-        q = STRICTER * abs(deviation(g, r, last)) / (g.floor + g.rtol * abs(number(g, OUT + r)))
+        value = number(g.work, OUT + r)
+        q = STRICTER * abs(deviation(g.work, r, last)) / (g.floor + g.rtol * abs(value))
         if not (q <= worst):  # so that what is not a number stays
             worst = q
     part = 1.0
     if g.trial < SUSPECT * g.usual:
         part = g.trial / g.usual
-    return worst * part * number(g, BETWEEN + last)
+    return worst * part * number(g.work, BETWEEN + last)
 
 
-def deviation(g: Group, r: int, last: int) -> float:
+def deviation(work: Array[Lanes], r: int, last: int) -> float:
     """What the polynomial through earlier knots misses a published value by: its difference `last`."""
-    d = number(g, OUT + r)
+    d = number(work, OUT + r)
     for j in range(last):
-        d -= difference(g, SEEN, PUBLISHED, j, r)
+        d -= difference(work, at(work, SEEN + r * ROWS), j)
     return d
 
 
@@ -233,50 +239,59 @@ def deviation(g: Group, r: int, last: int) -> float:
 
 def accept(g: Group) -> float:
     """Write the step's segment, extend the histories, advance the states; the norm of the differences that tell of one order more."""
+    work = g.work
+    k = g.order_now
+    h = g.trial
     piece = segment(g, g.count)
     piece[0] = g.t
     piece[1] = g.end
-    piece[2] = 1.0 / g.trial
-    piece[3] = g.trial
-    k = g.order_now
+    piece[2] = 1.0 / h
+    piece[3] = h
     above = 0.0
     for i in range(N):
+        past = at(work, HISTORY + i * ROWS)
         c = at(piece, HEADER + i * WIDTH)
-        powers(g, HISTORY, N, i, k, number(g, CHANGE + i), at(c, 1), at(g.work, BASIS))
+        powers(work, past, k, number(work, CHANGE + i), at(work, BASIS), at(c, 1))
         c[0] = g.x[i]
         for q in unroll(ROWS - 1):
-            c[q + 1] = c[q + 1] * (g.trial / (q + 1))
-        d = extend(g, HISTORY, N, i, k + 1, number(g, F + i)) * weight(g, i)
+            c[q + 1] = c[q + 1] * h * (1.0 / (q + 1))
+        d = extend(work, past, k + 1, number(work, F + i)) * weight(g, i)
         above = fma(d, d, above)
-        g.x[i] = number(g, NEXT + i)
+        g.x[i] = number(work, NEXT + i)
     last = last_row(g)
     for r in range(PUBLISHED):
+        past = at(work, SEEN + r * ROWS)
         c = at(piece, HEADER + (N + r) * WIDTH)
-        powers(g, SEEN, PUBLISHED, r, last, deviation(g, r, last), c, at(g.work, BASIS))
-        extend(g, SEEN, PUBLISHED, r, last, number(g, OUT + r))
+        change = deviation(work, r, last)
+        powers(work, past, last, change, at(work, BASIS), c)
+        c[ROWS - 1] = change * number(work, BASIS + last * ROWS + ROWS - 1)
+        extend(work, past, last, number(work, OUT + r))
     return math.sqrt(above / N)
 
 
 def powers(
-    g: Group, rows: int, count: int, i: int, last: int, change: float, c: Array[float], basis: Array[Lanes]
+    work: Array[Lanes],
+    past: Array[Lanes],
+    last: int,
+    change: float,
+    basis: Array[Lanes],
+    c: Array[float],
 ) -> None:
-    """Coefficients of the polynomial with the differences below `last` of a channel, and the last one equal to `change`."""
-    for q in unroll(ROWS):
-        c[q] = 0.0
-    for j in range(last + 1):
-        d = change
-        if j < last:
-            d = difference(g, rows, count, j, i)
-        for q in unroll(ROWS):
+    """Coefficients, but for the highest, of the polynomial with the differences below `last` of a channel, and the last one equal to `change`."""
+    for q in unroll(ROWS - 1):
+        c[q] = change * lane(basis[last * ROWS + q], 0)
+    for j in range(last):
+        d = difference(work, past, j)
+        for q in unroll(ROWS - 1):
             c[q] = fma(d, lane(basis[j * ROWS + q], 0), c[q])
 
 
-def extend(g: Group, rows: int, count: int, i: int, last: int, value: float) -> float:
+def extend(work: Array[Lanes], past: Array[Lanes], last: int, value: float) -> float:
     """Differences up to `last` of a channel, with its value at the end of the step."""
     d = value
     for j in range(last):
-        old = difference(g, rows, count, j, i)
-        g.work[rows + j * count + i] = splat(d)
+        old = difference(work, past, j)
+        past[j] = splat(d)
         d -= old
-    g.work[rows + last * count + i] = splat(d)
+    past[last] = splat(d)
     return d
