@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hierc.runtime.methods.abm5 import ABM5
 from hierc.runtime.methods.adams import Adams
 from hierc.runtime.methods.dop853 import DOP853
 from hierc.runtime.methods.explicit import Explicit
@@ -21,6 +22,7 @@ METHODS: dict[str, Method] = {
         Explicit(TSIT5),
         Explicit(DOP853),
         Adams(),
+        ABM5(),
     )
 }
 

@@ -20,7 +20,7 @@ from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array, Lanes, at, fma, invoke, lane, outlined, splat, unroll
 from hierc.runtime.methods.method import Names, Piece
 from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
-from hierc.runtime.segments import HEADER, covered, read_inputs, segment
+from hierc.runtime.segments import HEADER, covered, finish, read_inputs, segment
 
 Row = tuple[float, ...]
 #: Failed trials of one step before the right-hand side itself is blamed.
@@ -262,32 +262,39 @@ def step(g: Group, groups: Array[Group]) -> float:
             return TOO_SMALL
         if not covered(g, groups, g.end):
             return WAITING
-        segments = 0
-        for s in unroll(LAST_STAGE + 1):
-            t = g.t + C[s] * g.trial
-            segments = max(segments, read_inputs(g, groups, splat(t), g.t, t, at(g.u, s * g.inputs)))
+        segments = read_at_stages(g, groups)
         if segments > MOST_SEGMENTS:
             g.h = g.trial * (0.9 * MOST_SEGMENTS / segments)
             continue
         error = invoke(g.attempt, g)
         g.evaluations += STAGES
         if error < 1.0:
-            if g.published > 0:
-                for m in unroll(DEGREE + 1):
-                    t = g.t + FIT_NODES[m] * g.trial
-                    read_inputs(g, groups, splat(t), g.t, t, at(g.u, (LAST_STAGE + 1 + m) * g.inputs))
-            invoke(g.accept, g)
-            g.evaluations += LAST_STAGE - STAGES
+            complete(g, groups)
             after_acceptance(g, error, SAFETY)
-            g.previous = g.trial
-            g.t = g.end
-            g.rejections = 0
-            g.count += 1
-            g.steps += 1
+            finish(g)
             return ACCEPTED
         after_rejection(g, error, SAFETY)
         if g.rejections > MOST_REJECTIONS:
             return NOT_FINITE
+
+
+def read_at_stages(g: Group, groups: Array[Group]) -> int:
+    """Inputs at all stages. Returns the most segments of one source that the step touches."""
+    segments = 0
+    for s in unroll(LAST_STAGE + 1):
+        t = g.t + C[s] * g.trial
+        segments = max(segments, read_inputs(g, groups, splat(t), g.t, t, at(g.u, s * g.inputs)))
+    return segments
+
+
+def complete(g: Group, groups: Array[Group]) -> None:
+    """What is left to do of a step whose error is small enough."""
+    if g.published > 0:
+        for m in unroll(DEGREE + 1):
+            t = g.t + FIT_NODES[m] * g.trial
+            read_inputs(g, groups, splat(t), g.t, t, at(g.u, (LAST_STAGE + 1 + m) * g.inputs))
+    invoke(g.accept, g)
+    g.evaluations += LAST_STAGE - STAGES
 
 
 # ---- the method ---------------------------------------------------------------------------------

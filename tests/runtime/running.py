@@ -9,7 +9,7 @@ from typing import Any
 from hierc.runtime.model import Model
 from hierc.runtime.run import FinishedRun
 
-METHODS = ("radau5", "radau9", "radau13", "tsit5", "dop853", "adams")
+METHODS = ("radau5", "radau9", "radau13", "tsit5", "dop853", "adams", "abm5")
 
 
 def run(

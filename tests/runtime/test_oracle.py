@@ -19,7 +19,8 @@ from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array
 from hierc.runtime.machine.types import Emitted, LaneConstant, LaneTable
 from hierc.runtime.machine.unit import Unit, parse_function
-from hierc.runtime.methods import adams, adams_pieces, explicit, radau, radau_pieces
+from hierc.runtime.methods import abm5, abm5_pieces, adams, adams_pieces, explicit, radau, radau_pieces
+from hierc.runtime.methods.abm5 import ABM5
 from hierc.runtime.methods.adams import Adams
 from hierc.runtime.methods.catalogue import METHODS
 from hierc.runtime.methods.explicit import Explicit
@@ -29,21 +30,27 @@ from hierc.runtime.segments import HEADER
 from hierc.runtime.simulation import Simulation
 
 Floats = NDArray[np.float64]
-ROOM = 64
-#: Where each kind of method has its step and its pieces.
-MODULES = {
-    Radau: (radau, radau_pieces),
-    Explicit: (explicit, explicit),
-    Adams: (adams, adams_pieces),
+ROOM = 256
+#: The modules that make each kind of method, those that others import from first.
+MODULES: dict[type, tuple[ModuleType, ...]] = {
+    Radau: (radau_pieces, radau),
+    Explicit: (explicit,),
+    Adams: (adams_pieces, adams),
+    ABM5: (explicit, abm5_pieces, abm5),
 }
 
 
-def bound(module: ModuleType, names: dict[str, Any]) -> dict[str, Any]:
-    """A module's functions with other globals, as the lowering binds them."""
-    world = {**vars(module), **names}
-    for name, value in vars(module).items():
-        if isinstance(value, FunctionType) and value.__module__ == module.__name__:
-            world[name] = FunctionType(value.__code__, world, name)
+def bound(modules: Sequence[ModuleType], names: dict[str, Any]) -> dict[str, Any]:
+    """The functions that the last of some modules knows, with other globals, as the lowering binds them."""
+    made: dict[FunctionType, FunctionType] = {}
+    world: dict[str, Any] = {}
+    for module in modules:
+        world = {**vars(module), **names}
+        for name, value in vars(module).items():
+            if isinstance(value, FunctionType):
+                if value.__module__ == module.__name__:
+                    made[value] = FunctionType(value.__code__, world, name)
+                world[name] = made.get(value, value)
     return world
 
 
@@ -139,11 +146,9 @@ def python_group(simulation: Simulation, g: int) -> SimpleNamespace:
         k: getattr(equations, k) if isinstance(v, Emitted) else python_value(v) for k, v in made.names.items()
     }
     names |= {k: python_value(v) for k, v in method.step_names().items()}
-    step_module, piece_module = MODULES[type(method)]
-    pieces, steps = bound(piece_module, names), bound(step_module, names)
-    record.step = steps["step"]
-    for piece in method.pieces:
-        setattr(record, piece.__name__, pieces[piece.__name__])
+    functions = bound(MODULES[type(method)], names)
+    for piece in (method.step, *method.pieces):
+        setattr(record, piece.__name__, functions[piece.__name__])
     n = form.states
     wiring = simulation.wiring[g]
     first = int(simulation.elements.group_offsets[g])
@@ -174,7 +179,9 @@ def _exact_newton(monkeypatch: pytest.MonkeyPatch) -> None:
             monkeypatch.setitem(METHODS, name, replace(method, newton_tolerance=1e-7))
 
 
-COUNTERS = ("count", "steps", "rejected", "evaluations", "iterations", "jacobians", "failures", "fresh")
+COUNTERS = (
+    "count", "steps", "rejected", "evaluations", "iterations", "jacobians", "failures", "fresh", "spacings",
+)  # fmt: skip
 
 
 def beside(model: Model, methods: Sequence[str], attempts: int) -> None:

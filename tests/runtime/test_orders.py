@@ -32,6 +32,7 @@ CLAIMS = {
     "radau13": (13, 8, 8),
     "tsit5": (5, 4, 4),
     "dop853": (8, 7, 7),
+    "abm5": (5, 5, 5),
 }
 #: Largest steps, in radians: those of the rotation, of the warp, and of readers.
 LARGEST = {
@@ -40,6 +41,7 @@ LARGEST = {
     "radau13": (2.4, 0.9, 2.0),
     "tsit5": (0.8, 0.3, 0.8),
     "dop853": (1.4, 0.45, 1.4),
+    "abm5": (0.4, 0.15, 0.4),
 }
 #: Errors below this are of rounding, gathered over up to some hundred steps.
 ROUNDING = 2e-12
