@@ -132,11 +132,12 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """`count` subsystems of equal form, each with a step size of its own: elements in execution order, at least one with states.
+    """`count` subsystems of equal form, each with a step size of its own: elements in execution order.
 
     `nodes` holds columns of element numbers, each `count` times as many as it gives one group, group by group; so one group that holds a whole
     array has a column of all its elements, and `group each car;` makes `count` groups of one element each. What a group reads comes from its own
-    elements in all of the groups or in none. Nodes without states belong to no group: they are evaluated by whoever reads them.
+    elements in all of the groups or in none. Nodes without states belong to no group, they are evaluated by whoever reads them; but for those that several
+    groups share: these are in a group that publishes what they compute, which may be without states as a whole.
     """
 
     name: str  # the level's name, the agent's path, or what the user wrote after `group`; `car[]` for groups of an array

@@ -128,8 +128,9 @@ Members = Index | Run
 class Group:
     """`count` subsystems of equal form, each with its own step size.
 
-    `nodes` have the group's states, concatenated in this order. `calls` are what one evaluation does, in order: (element, part) for an out
-    part, (element, -1) for a right-hand side. Calls may name nodes without states, which belong to no group. An entry with a `Run` stands for as
+    `nodes` have the group's states, concatenated in this order; one without states stands among them if the group publishes what it computes, which is all
+    that a group without states does. `calls` are what one evaluation does, in order: (element, part) for an out part, (element, -1) for a right-hand
+    side. Calls may name nodes without states that belong to no group. An entry with a `Run` stands for as
     many entries as it has elements, all of one block. `name` has a `[]` wherever `indices` has a column: `car[]`; a family whose groups differ in
     what they call is divided, so several may have one name.
     """

@@ -42,7 +42,7 @@ class NamedGroups:
 
 @dataclass(frozen=True, slots=True)
 class Labels:
-    """The group of each element by its number, -1 for those without states. `count` is more than any label."""
+    """The group of each element by its number, -1 for those that are in none. `count` is more than any label."""
 
     of_element: Integers
     names: tuple[NamedGroups, ...]

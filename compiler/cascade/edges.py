@@ -1,14 +1,14 @@
 """The graph of what reads what, element by element, on whole columns.
 
-In: nodes, and a label for each of their elements: elements with one label are one vertex. Out: edges between labels. What elements without states
-compute is a vertex of its own, one for each definition that others read, so that a way through such an element leads only to what that definition
+In: nodes, and a label for each of their elements: elements with one label are one vertex. Out: edges between labels. What elements without states and
+label compute is a vertex of its own, one for each definition that others read, so that a way through such an element leads only to what that definition
 uses.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,7 +26,10 @@ from hierc.grammar.source import Span
 
 @dataclass(frozen=True)
 class Edges:
-    """`reads[k]` reads `read[k]` at `spans[at[k]]`. Vertices below `labels` are labels, those from there on definitions without states."""
+    """`reads[k]` reads `read[k]` at `spans[at[k]]`. Vertices below `labels` are labels, those from there on definitions without states.
+
+    `definitions`: for each definition (block, index) without states that is read, the vertex of its first element.
+    """
 
     labels: int
     vertices: int
@@ -34,6 +37,7 @@ class Edges:
     read: Integers
     at: Integers
     spans: tuple[Span, ...]
+    definitions: Mapping[tuple[int, int], int]
 
     @cached_property
     def parts(self) -> Integers:
@@ -76,7 +80,10 @@ class Edges:
 
 
 def element_edges(nodes: Sequence[LocalNode], labels: Integers, count: int) -> Edges:
-    """The edges between labels. `labels`: for each element by its number, -1 for those without states; `count`: how many labels there are."""
+    """The edges between labels. `labels`: for each element by its number, -1 for those that have none; `count`: how many labels there are.
+
+    Elements with states must have one.
+    """
     return _Builder(nodes, labels, count).result()
 
 
@@ -89,6 +96,7 @@ class _Builder:
         self._count = count
         self._vertices = count
         self._elements = Elements(here.node.first for here in nodes)
+        self._stateless = np.array([not here.node.states for here in nodes], np.bool_)
         self._definitions: dict[tuple[int, int], int] = {}
         self._waiting: list[tuple[int, int]] = []
         self._edges: list[tuple[Integers, Integers, int]] = []
@@ -104,14 +112,14 @@ class _Builder:
         while self._waiting:
             block, definition = self._waiting.pop()
             here = self._nodes[block]
-            own = self._definitions[block, definition] + np.arange(here.node.count)
+            own = self._own(block, definition)
             for k in inputs_behind(here.node, definition):
                 self._add(own, here.node.inputs[k], here.node.input_spans[k], here.node.count)
         none = np.zeros(0, np.int64)
         reads = np.concatenate([e[0] for e in self._edges]) if self._edges else none
         read = np.concatenate([e[1] for e in self._edges]) if self._edges else none
         at = np.concatenate([np.full(len(e[0]), e[2]) for e in self._edges]) if self._edges else none
-        return Edges(self._count, self._vertices, reads, read, at, tuple(self._spans))
+        return Edges(self._count, self._vertices, reads, read, at, tuple(self._spans), self._definitions)
 
     def _add(self, own: Integers, source: Source, span: Span, count: int) -> None:
         self._edges.append((own, self._targets(source, count), len(self._spans)))
@@ -121,23 +129,27 @@ class _Builder:
         """The vertex that each of `count` elements reads."""
         elements = expanded(source.node, count)
         targets = self._labels[elements]
-        stateless = np.flatnonzero(targets < 0)
+        blocks = self._elements.blocks(elements)
+        stateless = np.flatnonzero(self._stateless[blocks])
         if len(stateless):
             targets = targets.copy()
             indices = expanded(source.index, count)
-            blocks = self._elements.blocks(elements)
             for block, index in {(int(blocks[k]), int(indices[k])) for k in stateless.tolist()}:
-                mask = (targets < 0) & (blocks == block) & (indices == index)
-                targets[mask] = (
-                    self._definition(block, index) + elements[mask] - self._nodes[block].node.first
-                )
+                mask = (blocks == block) & (indices == index)
+                self._add_definition(block, index)
+                targets[mask] = self._own(block, index)[elements[mask] - self._nodes[block].node.first]
         return targets
 
-    def _definition(self, block: int, index: int) -> int:
-        """The vertex of a definition of the first element of a block."""
+    def _own(self, block: int, index: int) -> Integers:
+        """The vertices of a definition of a block without states: its elements' labels, or vertices of its own."""
+        node = self._nodes[block].node
+        labels = self._labels[node.first : node.first + node.count]
+        return np.where(labels >= 0, labels, self._definitions[block, index] + np.arange(node.count))
+
+    def _add_definition(self, block: int, index: int) -> None:
+        """Note that a definition of a block without states is read."""
         key = (block, index)
         if key not in self._definitions:
             self._definitions[key] = self._vertices
             self._vertices += self._nodes[block].node.count
             self._waiting.append(key)
-        return self._definitions[key]

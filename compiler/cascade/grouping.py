@@ -1,7 +1,8 @@
 """Grouping: which nodes make a subsystem with a step size of its own, and the order of everything.
 
-In: nodes and their dependences. Out: a `Grouping`. Guaranteed: every node with states is in exactly one group; groups are acyclic and in order of
-dependence, then text; nodes are in an order in which each comes after those it reads, group by group.
+In: nodes and their dependences. Out: a `Grouping`. Guaranteed: every element with states is in exactly one group, and of the others those that several
+groups share (`sharing.py`); groups are acyclic and in order of dependence, then text; nodes are in an order in which each comes after those it reads,
+group by group.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from hierc.compiler.cascade.edges import Edges, element_edges
 from hierc.compiler.cascade.errors import CyclicGroups, LevelWithoutStates
 from hierc.compiler.cascade.graphs import order
 from hierc.compiler.cascade.proof import Cascade
+from hierc.compiler.cascade.sharing import share
 from hierc.compiler.collector import Collector
 from hierc.compiler.structure.flat import FlatNode
 from hierc.compiler.structure.instances import Instance, Standing, level_name
@@ -56,16 +58,16 @@ def make_groups(
     """Assign elements to groups as the user wrote them."""
     assignment = Assignment(model_name, instances, flat_nodes, nodes, problems)
     labels = assignment.labels()
-    _warn_of_stateless_levels(instances, flat_nodes, nodes, labels, cascade, problems)
     edges = element_edges(nodes, labels.of_element, labels.count)
     _check_acyclic(labels, edges, problems)
     problems.stop_on_errors()
     warn_of_large(instances, flat_nodes, nodes, labels, problems)
+    shared = share(flat_nodes, nodes, labels, edges)
+    if shared is not labels:
+        labels, edges = shared, element_edges(nodes, shared.of_element, shared.count)
+    _warn_of_stateless_levels(instances, flat_nodes, nodes, labels, cascade, problems)
     rank = cascade_rank(edges)
-    first = [
-        min(rank[own[own >= 0]], default=-1)
-        for own in (labels.of_element[n.node.first : n.node.first + n.node.count] for n in nodes)
-    ]
+    first = [min(rank[own[own >= 0]], default=-1) for own in (_labels(here, labels) for here in nodes)]
     node_order = order(cascade.direct, lambda node: (int(first[node]), node), cascade.computed)
     families = sorted(_families(nodes, node_order, labels), key=lambda family: int(rank[family.labels].min()))
     numbered = np.concatenate([family.labels for family in families]) if families else np.zeros(0, np.int64)
@@ -102,14 +104,17 @@ def _members(
         names[name.labels] = k
     found: list[list[tuple[int, Integers]]] = [[] for _ in labels.names]
     for n in node_order:
-        node = nodes[n].node
-        own = labels.of_element[node.first : node.first + node.count]
-        if own[0] < 0:
-            continue  # without states
-        for k in np.unique(names[own]).tolist():
-            inside = np.flatnonzero(names[own] == k)
+        node, own = nodes[n].node, _labels(nodes[n], labels)
+        held = own >= 0
+        for k in np.unique(names[own[held]]).tolist():
+            inside = np.flatnonzero(held & (names[own] == k))
             found[k].append((n, inside[np.argsort(own[inside], kind="stable")] + node.first))
     return found
+
+
+def _labels(here: LocalNode, labels: Labels) -> Integers:
+    """The groups of a node's elements, -1 for those that are in none."""
+    return labels.of_element[here.node.first : here.node.first + here.node.count]
 
 
 def _alike(
@@ -172,14 +177,15 @@ def _warn_of_stateless_levels(
     cascade: Cascade,
     problems: Collector,
 ) -> None:
-    """W611 for each level that has equations but, at any depth, no states; not for the levels inside it."""
+    """W611 for each level that has equations but, at any depth, no group; not for the levels inside it."""
+    grouped = {n for n, here in enumerate(nodes) if (_labels(here, labels) >= 0).any()}
     members: dict[Standing, set[int]] = {}
     for n, node in enumerate(flat_nodes):
         for standing in node.levels:
             members.setdefault(standing, set()).add(n)
     told: set[int] = set()
     for standing, inside in sorted(members.items(), key=lambda item: len(item[1]), reverse=True):
-        if inside <= told or any(nodes[n].node.states for n in inside):
+        if inside <= told or inside & grouped:
             continue
         told |= inside
         readers = [

@@ -131,7 +131,7 @@ class _Wiring:
 
 
 class _Family:
-    """Finds the calls of a family. `columns` are the elements with states, `groups` the groups' numbers."""
+    """Finds the calls of a family. `columns` are the elements that belong to the groups, `groups` the groups' numbers."""
 
     def __init__(self, wiring: _Wiring, columns: Iterable[Integers], groups: Integers) -> None:
         self._wiring = wiring
@@ -141,7 +141,7 @@ class _Family:
         self._links: list[tuple[Vertex, Vertex, Integers, Integers]] = []
 
     def nodes(self) -> tuple[Members, ...]:
-        """The elements with states."""
+        """The elements that belong to the groups."""
         return tuple(entry for _, rows in self._members for entry in members(rows))
 
     def calls(self) -> tuple[tuple[Members, int], ...]:
@@ -175,7 +175,12 @@ class _Family:
         wanted: list[Vertex] = []
         waiting: list[tuple[Vertex, Integers]] = []
         for block, rows in self._members:
-            for vertex, _, read in self._read(block, self._wiring.form(block).needs, rows):
+            form = self._wiring.form(block)
+            if not form.states:  # what it computes is read by other groups
+                own = [(block, part) for part in range(len(form.parts))]
+                wanted += own
+                waiting += [(vertex, rows) for vertex in own]
+            for vertex, _, read in self._read(block, form.needs, rows):
                 wanted.append(vertex)
                 waiting.append((vertex, read))
         while waiting:

@@ -143,8 +143,8 @@ def _states(plan: Plan) -> list[str]:
     elements = Elements(block.first for block in plan.nodes)
     found: list[_Elements] = []
     for group in plan.groups:
-        inside = [_entry(plan, elements, members) for members in group.nodes]
-        for some in inside if group.count == 1 else [_family(group, inside)]:
+        inside = [entry for members in group.nodes if (entry := _entry(plan, elements, members)).names]
+        for some in inside if group.count == 1 or not inside else [_family(group, inside)]:
             joined = found[-1].followed(some) if found else None
             found[-1:] = [joined] if joined else [*found[-1:], some]
     return [name for some in found for name in some.shown()]

@@ -44,6 +44,11 @@ class FlatNode:
     levels: tuple[Standing, ...]  # the levels around it, from the outside
     place: Place
 
+    @property
+    def made(self) -> bool:
+        """Whether the compiler made it, for a sum or the like: its path is no name."""
+        return " " in self.path
+
 
 @dataclass(frozen=True, slots=True)
 class FlatState:

@@ -64,8 +64,8 @@ _LANES = 8
 MOST_SEGMENTS = 8
 #: Failed trials of one step before what is computed is blamed.
 MOST_REJECTIONS = 60
-#: Steps that are smaller than usual ones by this factor are taken to come to a jump.
-SUSPECT = 1e-2
+#: Steps that are smaller than usual ones by this factor are taken to come to a jump; at a kink, as an extreme has, they need not be as small.
+SUSPECT = 1e-5
 _SAFETY = 0.9
 
 
