@@ -66,6 +66,9 @@ class Layout:
             self._describe(elements, w, places, method, program, program.pieces[w.form, method.name])
             if not method.keeps_work:
                 shared[places] = places[0]
+        #: Whether a group shares its places to work, and how many doubles it needs there: of inputs, of workspace.
+        self.shares = shared >= 0
+        self.room = np.stack([self.lengths["u"], self.lengths["work"]])
         self.size = 0
         offsets = {name: self._place(name, shared) for name in _ARRAYS}
         self.states = spread(offsets["x"], elements.group_states)
@@ -149,6 +152,18 @@ class Memory:
         self.block: Floats = aligned(max(layout.size, 1))
         self.groups.memory[:, _POINTERS] += self.block.ctypes.data
         self.groups["sources"][:] += self.sources.address
+        self._layout = layout
+        self._rooms: list[Floats] = []
+
+    def separate(self, first: int, last: int) -> None:
+        """Let groups, from `first` to before `last`, that share their places to work share them with no others."""
+        which = first + np.flatnonzero(self._layout.shares[first:last])
+        inputs, work = self._layout.room[:, which].max(axis=1, initial=0)
+        inputs = -(-inputs // _LINE) * _LINE
+        room = aligned(int(inputs + work) + _LINE)
+        self.groups["u"][which] = room.ctypes.data
+        self.groups["work"][which] = room.ctypes.data + 8 * int(inputs)
+        self._rooms.append(room)
 
 
 def _counts(wiring: Sequence[Wiring], counts: Sequence[int]) -> Integers:

@@ -23,13 +23,17 @@ from hierc.runtime.elements import Elements
 from hierc.runtime.errors import ExternError, SettingError
 from hierc.runtime.externs import Watch
 from hierc.runtime.layout import Memory
+from hierc.runtime.machine import callees
+from hierc.runtime.machine.calls import CallForm
 from hierc.runtime.machine.dialect import RecordArray
 from hierc.runtime.machine.forms import Wiring
 from hierc.runtime.machine.program import Announce
+from hierc.runtime.machine.timing import PARTS
 from hierc.runtime.status import Status
 from hierc.runtime.system import System
 from hierc.runtime.track import Tracks
 from hierc.runtime.trajectory import Trajectories
+from hierc.runtime.wavefront import Wavefront
 
 if TYPE_CHECKING:
     from hierc.runtime.run import Engine
@@ -102,6 +106,11 @@ class Simulation:
         count = self.elements.groups
         self.tracks = Tracks(self.layout.rooms)
         self.groups["track"][:count] = self.tracks.addresses
+        #: Ticks and calls of each part of each group's steps, where the engine has timers.
+        self.clocks: Integers | None = np.zeros((count, len(PARTS), 2), np.int64) if engine.timed else None
+        if self.clocks is not None:
+            each = self.clocks.strides[0] * np.arange(count)
+            self.groups["clocks"][:count] = self.clocks.ctypes.data + each
         self.run = RecordArray(records.Run, 1)
         self.run["stop"][0], self.run["groups"][0] = stop, count
         # The first window lets every group take one step; later ones count steps.
@@ -128,16 +137,25 @@ class Simulation:
         groups["rtol"][:count], groups["floor"][:count] = rtol, atol
 
     def advance(
-        self, progress: Callable[[float], None] | None = None, most_steps: int | None = None
+        self,
+        progress: Callable[[float], None] | None = None,
+        most_steps: int | None = None,
+        threads: int = 1,
     ) -> Status:
-        """Go on until the stop, a failure, or Ctrl-C. Returns how it ended."""
+        """Go on until the stop, a failure, or Ctrl-C. Returns how it ended. Functions that are called in Python have one thread only."""
         if most_steps is not None:
             self.groups["most_steps"][:] = most_steps
+        if threads > 1 and not self.program.links.called_back:
+            with Wavefront(self.memory, self.elements.groups, self.run, self._advance, threads) as wavefront:
+                return self._go_on(wavefront.attempt, progress)
+        return self._go_on(self._slice, progress)
+
+    def _go_on(self, attempt: Callable[[], float], progress: Callable[[float], None] | None) -> Status:
         try:
             if self._failed is not None:  # when the run was tried out
                 raise self._failed
             while True:
-                outcome = self._slice()
+                outcome = attempt()
                 if outcome == records.DONE:
                     return Status("DONE", f"reached {self.stop:g} s")
                 if outcome == records.FULL:
@@ -147,24 +165,27 @@ class Simulation:
                             "the trajectory needs more memory than a run may use; stop earlier or loosen rtol",
                         )
                 elif outcome != records.PAUSED:
-                    status = self._failure(outcome)
-                    self._catch_up()
-                    return status
+                    return self._failure(self._caught_up(outcome))
                 if progress is not None:
                     progress(float(self.groups["t"].min()))
         except ExternError as error:
             status = Status("EXTERN_FAILED", f"just after t = {self._abandoned[1]:.9g} s {error}")
-            self._catch_up()
+            self._caught_up(records.NOT_FINITE)
             return status
         except KeyboardInterrupt:
             return Status("INTERRUPTED", f"interrupted at {self.reached:.6g} s")
 
-    def _catch_up(self) -> None:
-        """Bring the other groups to where the failed one stands, so that all that can be known is kept. One that fails on the way sets the mark lower."""
-        outcome = records.NOT_FINITE
+    def _caught_up(self, outcome: float) -> float:
+        """Bring the other groups to where the failed one stands, so that all that can be known is kept.
+
+        One that fails on the way sets the mark lower; returned is the outcome of the last such one, whose number is then in `run`.
+        """
+        failed = int(self.run["group"][0])
+        found = outcome
         with suppress(ExternError):
             while outcome not in (records.DONE, records.PAUSED, records.FULL):
-                mark = self.groups["t"][int(self.run["group"][0])]
+                failed, found = int(self.run["group"][0]), outcome
+                mark = self.groups["t"][failed]
                 self.groups["stop"][:] = mark
                 self.run["stop"][0], self.run["window"][0], self.run["group"][0] = mark, mark, 0
                 outcome = self._slice()
@@ -172,6 +193,8 @@ class Simulation:
                     outcome == records.FULL and self._grow(int(self.run["group"][0]))
                 ):
                     outcome = self._slice()
+        self.run["group"][0] = failed
+        return found
 
     def attempt(self, steps: int) -> float:
         """Let the kernel make so many step attempts; returns its outcome. What it does depends on nothing but their number.
@@ -243,7 +266,16 @@ class Simulation:
             entries=pieces.entries,
             linear=pieces.linear,
             tolerance=self.settings[g].rtol,
+            calls=self._calls_of_python(wiring.form.calls),
         )
+
+    def _calls_of_python(self, calls: Sequence[CallForm]) -> int:
+        """How many functions are called in Python where these calls are made once."""
+        if not self.program.links.called_back:
+            return 0
+        kinds = [(self.elements.plan.classes[c.kind], c.part) for c in calls]
+        made = (kind.rhs if part < 0 else kind.parts[part].function for kind, part in kinds)
+        return sum(callees.calls_of_python(function) for function in made)
 
     def _spectral_radius(self, g: int) -> float:
         """Largest |eigenvalue| of a group's Jacobian at the start and now."""

@@ -41,7 +41,7 @@ from hierc.runtime.methods.adams_pieces import (
 )
 from hierc.runtime.methods.method import Names, Piece
 from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
-from hierc.runtime.segments import covered, read_inputs
+from hierc.runtime.segments import covered, finish, read_inputs
 
 if TYPE_CHECKING:  # given by Adams.step_names
     LEAST_ORDER: int
@@ -169,12 +169,8 @@ def after_acceptance(g: Group, above: float) -> None:
     for j in range(1, ROWS):
         g.work[PAST + ROWS - j] = splat(number(g.work, PAST + ROWS - j - 1) + g.trial)
     g.usual = max(g.trial, g.usual - 0.5 * g.trial)
-    g.previous = g.trial
     g.alike = row
-    g.t = g.end
-    g.rejections = 0
-    g.count += 1
-    g.steps += 1
+    finish(g)
 
 
 def after_rejection(g: Group, error: float) -> None:
