@@ -22,7 +22,9 @@ PAUSED = 7.0  # the budget of this call is used up
 
 
 #: What is counted of each group.
-COUNTERS = ("steps", "rejected", "evaluations", "iterations", "jacobians", "factorizations", "failures")
+COUNTERS = (
+    "steps", "rejected", "evaluations", "iterations", "jacobians", "factorizations", "failures", "spacings",
+)  # fmt: skip
 
 
 class Source(Record):

@@ -106,6 +106,7 @@ def attempt(g: Group) -> float:
     p = at(k, Y)
     x = at(k, NEXT)
     h = g.trial
+    last = h * GAMMA[4]
     for i in range(N):
         a = GAMMA[3] * lane(past[3 * N + i], 0)
         for j in unroll(3):
@@ -117,7 +118,7 @@ def attempt(g: Group) -> float:
         fourth = lane(k[N + i], 0)
         for j in unroll(4):
             fourth = fourth - lane(past[j * N + i], 0)
-        end = fma(h * GAMMA[4], fourth, lane(p[i], 0))
+        end = fma(last, fourth, lane(p[i], 0))
         x[i] = splat(end)
         e = abs(fourth) / (g.absolute[i] + g.rtol * max(abs(g.x[i]), abs(end)))
         if e > worst or e != e:  # what is not a number stays
@@ -139,17 +140,21 @@ def accept(g: Group) -> float:
     piece[1] = g.end
     piece[2] = 1.0 / h
     piece[3] = h
+    half = h / 2.0
+    quarter = h / 4.0
+    small = h / 24.0
+    late = h * LATE
     for i in range(N):
         start = lane(past[i], 0)
         last = lane(past[3 * N + i], 0)
         advance(past, N, 4, i, lane(k[2 * N + i], 0))
-        d2 = lane(past[2 * N + i], 0) * (h / 4.0)
-        d3 = lane(past[3 * N + i], 0) * (h / 24.0)
-        d4 = fma(lane(past[3 * N + i], 0) - last, h / 24.0, (h * LATE) * lane(k[2 * N + i] - k[N + i], 0))
+        d2 = quarter * lane(past[2 * N + i], 0)
+        d3 = small * lane(past[3 * N + i], 0)
+        d4 = fma(small, lane(past[3 * N + i], 0) - last, late * lane(k[2 * N + i] - k[N + i], 0))
         c = at(piece, HEADER + i * WIDTH)
         c[0] = g.x[i]
         c[1] = h * start
-        c[2] = fma(0.5 * h, lane(past[N + i], 0), -d2) - 2.0 * d3 - d4
+        c[2] = fma(half, lane(past[N + i], 0), -d2) - 2.0 * d3 - d4
         c[3] = (2.0 * d2 - d4) / 3.0
         c[4] = fma(0.5, d4, d3)
         c[5] = 0.2 * d4
