@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime.contract import CONTRACT, Plan
+from hierc.runtime.costs import cost_of
 from hierc.runtime.errors import RunWarning, SettingError
 from hierc.runtime.parameters import catalogue, parameter_vector, places
 from hierc.runtime.paths import Catalogue
@@ -144,13 +145,15 @@ class Model:
         min_step: float | None = None,
         most_steps: int | None = None,
         verify: bool = False,
+        costs: bool = False,
         progress: Callable[[float], None] | None = None,
         announce: Callable[[str], None] | None = None,
     ) -> Result:
         """Integrate from `start` to `stop` (s), each group at its own step.
 
         What is left out is taken from the experiment, then from the defaults (rtol 1e-6, atol = rtol, method "auto"). `params` replaces
-        parameters by path. `verify` has it run again ten times tighter: the error is then in `Result.verification`.
+        parameters by path. `verify` has it run again ten times tighter: the error is then in `Result.verification`. `costs` has it run again with timers:
+        where the time went is then in `Result.costs`.
         Raises SettingError for settings that do not fit; SimulationError, with the partial result, if the run fails;
         Interrupted, with the partial result too, on Ctrl-C. Warns (RunWarning) of tables used outside their grids, and of slow externs.
         """
@@ -182,6 +185,10 @@ class Model:
             raise Interrupted(result)
         if not finished.status.ok:
             raise SimulationError(result)
+        if costs:
+            result.costs = cost_of(
+                self.engine, finished, chosen, groups, progress=progress, announce=announce
+            )
         if verify:
             result.verification = verified(
                 self.engine, finished, chosen, groups, progress=progress, announce=announce

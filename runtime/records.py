@@ -102,6 +102,7 @@ class Group(Record):
     correct: int
     linear: int  # 1 where the Jacobian is constant: one Newton iteration is exact
     order: float  # of the error estimate: err ~ h**order
+    clocks: Array[int]  # ticks and calls of each part of its steps, where they are timed
     # counters
     steps: int
     most_steps: int  # that it may take

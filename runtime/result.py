@@ -28,6 +28,7 @@ from hierc.runtime.status import Status
 from hierc.runtime.trajectory import GroupTrajectory
 
 if TYPE_CHECKING:
+    from hierc.runtime.costs import Costs
     from hierc.runtime.verification import Verification
 
 Floats = NDArray[np.float64]
@@ -152,6 +153,8 @@ class Result:
         self.settings: Mapping[str, object] = settings
         #: The parameters that were set for this run, by path.
         self.params: Mapping[str, object] = params
+        #: Where the time went, where that was asked for.
+        self.costs: Costs | None = None
         #: The error as a tighter run shows it, where that was asked for.
         self.verification: Verification | None = None
 

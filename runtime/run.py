@@ -58,6 +58,7 @@ class FinishedRun:
     status: Status
     groups: Trajectories
     warnings: tuple[str, ...] = ()
+    clocks: Integers | None = None  # of a run with timers: (groups, parts, 2), see `machine/timing.py`
 
     @property
     def plan(self) -> Plan:
@@ -80,6 +81,13 @@ class Engine:
     programs: dict[tuple[str, ...], Program] = field(default_factory=dict)
     layouts: dict[tuple[str, ...], Layout] = field(default_factory=dict)
     decided: dict[object, Settings] = field(default_factory=dict)
+    #: Whether its machine code has timers.
+    timed: bool = False
+
+    @cached_property
+    def with_timers(self) -> Engine:
+        """The same engine, with timers in its machine code."""
+        return replace(self, programs={}, layouts={}, timed=True)
 
     @cached_property
     def elements(self) -> Elements:
@@ -114,7 +122,7 @@ class Engine:
             wanted = [
                 (w.form, m) for w in self.wiring for m in dict.fromkeys(key[g] for g in w.places.tolist())
             ]
-            self.programs[key] = build(self.plan.classes, wanted, announce)
+            self.programs[key] = build(self.plan.classes, wanted, announce, timed=self.timed)
         return self.programs[key]
 
     def group_settings(
@@ -167,7 +175,9 @@ class Engine:
         trajectories = simulation.trajectories()
         warnings = (*self._slow(simulation.program), *self._excursions(system, start, trajectories))
         reached = simulation.reached
-        return FinishedRun(self.variables, system, start, stop, reached, status, trajectories, warnings)
+        return FinishedRun(
+            self.variables, system, start, stop, reached, status, trajectories, warnings, simulation.clocks
+        )
 
     def _nothing(
         self, system: System, initial: Floats, start: float, stop: float, status: Status

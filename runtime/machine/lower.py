@@ -17,7 +17,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from hierc.runtime.machine import builtins, loops, matrices
+from hierc.runtime.machine import builtins, loops, matrices, timing
 from hierc.runtime.machine.arithmetic import Arithmetic
 from hierc.runtime.machine.storage import Locals, Slots
 from hierc.runtime.machine.types import (
@@ -63,7 +63,8 @@ Resolver = Callable[[Callable[..., Any]], tuple[ir.Function, tuple[Type, ...], T
 class Lowering:
     """Lowers the body of one function. `names` are its globals; `resolve` supplies functions that it calls.
 
-    `contract`: products may be rounded together with the sums they stand in; `apart`: elementary functions over lanes are called, not written out.
+    `contract`: products may be rounded together with the sums they stand in; `apart`: elementary functions over lanes are called, not written out;
+    `timed`: with timers around the calls that `timing.py` names.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class Lowering:
         resolve: Resolver,
         contract: bool,
         apart: bool = False,
+        timed: bool = False,
     ) -> None:
         self.function = function
         self.returns = returns
@@ -83,6 +85,7 @@ class Lowering:
         self.lanes = lanes
         self.resolve = resolve
         self.apart = apart
+        self.timed = timed
         self.entry = function.append_basic_block("entry")
         self.builder = ir.IRBuilder(self.entry)
         self.math = Arithmetic(self.builder, contract)
@@ -377,6 +380,10 @@ class Lowering:
     def call(self, node: ast.Call) -> Operand | None:
         if node.keywords:
             raise _refused(node)
+        part = timing.section(node) if self.timed and "g" in self.locals else None
+        return self._call(node) if part is None else timing.timed(self, part, lambda: self._call(node))
+
+    def _call(self, node: ast.Call) -> Operand | None:
         match node.func:
             case ast.Attribute(value=ast.Name(id="math"), attr=name):
                 return builtins.elementary(self, name, [self.expression(a) for a in node.args], node)

@@ -19,7 +19,7 @@ from typing import Any
 from hierc.runtime.contract import Class
 from hierc.runtime.files import cache_folder, write_whole
 from hierc.runtime.kernel import advance
-from hierc.runtime.machine import callees
+from hierc.runtime.machine import callees, timing
 from hierc.runtime.machine.allowed import check_class
 from hierc.runtime.machine.calls import Form
 from hierc.runtime.machine.compose import Composer
@@ -30,6 +30,7 @@ from hierc.runtime.segments import sample
 
 #: Called with a sentence where something has to be compiled that takes a while.
 Announce = Callable[[str], None]
+_KERNEL = "the integration kernel"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ class Pieces:
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """Everything a run needs of machine code. `code` keeps it in memory."""
+    """Everything a run needs of machine code. `code` keeps it in memory. `idle`, where it has timers, tells what they cost (see `timing.py`)."""
 
     advance: int
     sample: int
@@ -53,6 +54,7 @@ class Program:
     pieces: dict[tuple[Form, str], Pieces]
     code: Loaded
     links: callees.Links
+    idle: int | None = None
 
 
 def build(
@@ -61,16 +63,20 @@ def build(
     announce: Announce | None = None,
     *,
     cache: bool = True,
+    timed: bool = False,
 ) -> Program:
-    """Compile, or take from the cache, the kernel and the pieces for each (form, method)."""
+    """Compile, or take from the cache, the kernel and the pieces for each (form, method); `timed`: with timers."""
     store = cache_folder("objects") if cache else None
     methods = every_method()
-    objects = [cached(store, f"kernel {runtime_digest()}", _kernel, announce, "the integration kernel")]
+    kernel, what = ("timed kernel", "an integration kernel with timers") if timed else ("kernel", _KERNEL)
+    make = functools.partial(_kernel, timed=timed)
+    objects = [cached(store, f"{kernel} {runtime_digest()}", make, announce, what)]
     labels: dict[tuple[Form, str], tuple[str, dict[str, Any]]] = {}
     for form, name in dict.fromkeys(wanted):
-        text = _description(classes, form, name)
+        text = _description(classes, form, name) + ("\ntimed" if timed else "")
         label = "g" + hashlib.sha256(text.encode()).hexdigest()[:16]
-        made = cached(store, text, functools.partial(_form, label, classes, form, methods[name]), None, "")
+        make = functools.partial(_form, label, classes, form, methods[name], timed=timed)
+        made = cached(store, text, make, None, "")
         labels[form, name] = (label, made[0])
         objects.append(made)
     code = Loaded([o for _, o in objects])
@@ -85,11 +91,14 @@ def build(
         for (form, name), (label, facts) in labels.items()
     }
     steps = {name: code.address(f"step_{name}") for name in methods}
-    return Program(code.address("advance"), code.address("sample"), steps, pieces, code, links)
+    idle = code.address("idle") if timed else None
+    return Program(code.address("advance"), code.address("sample"), steps, pieces, code, links, idle)
 
 
-def _kernel() -> tuple[dict[str, Any], Unit]:
-    unit = Unit("kernel")
+def _kernel(*, timed: bool = False) -> tuple[dict[str, Any], Unit]:
+    unit = Unit("kernel", timed=timed)
+    if timed:
+        unit.lower(timing.idle, export="idle")
     unit.lower(advance, export="advance")
     unit.lower(sample, export="sample")
     for method in every_method().values():
@@ -99,10 +108,12 @@ def _kernel() -> tuple[dict[str, Any], Unit]:
     return {}, unit
 
 
-def _form(label: str, classes: tuple[Class, ...], form: Form, method: Method) -> tuple[dict[str, Any], Unit]:
+def _form(
+    label: str, classes: tuple[Class, ...], form: Form, method: Method, *, timed: bool = False
+) -> tuple[dict[str, Any], Unit]:
     for kind in {call.kind for call in form.calls + form.publishing}:
         check_class(classes[kind])
-    unit = Unit(label)
+    unit = Unit(label, timed=timed)
     unit.callees.update(callees.emit(unit, label, _callees(classes, form)))
     composer = Composer(unit, label, form, classes, parse_function, method.lanes)
     made = method.names(composer)

@@ -44,9 +44,10 @@ NO_NAMES: Names = {}
 
 
 class Unit:
-    """A module of machine code under construction. `lanes` is the width that the annotation `Lanes` stands for."""
+    """A module of machine code under construction. `timed`: with timers, see `timing.py`."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, *, timed: bool = False) -> None:
+        self.timed = timed
         self.module = ir.Module(name)
         self.module.triple = llvm.get_process_triple()
         self.made: dict[Any, tuple[ir.Function, tuple[Type, ...], Type | None]] = {}
@@ -98,9 +99,8 @@ class Unit:
 
         names = {**function.__globals__, **constants}
         contract = not hasattr(function, "exact")
-        Lowering(made, kinds, returns, names, lanes, resolve, contract=contract).run(
-            parse_function(function).body
-        )
+        low = Lowering(made, kinds, returns, names, lanes, resolve, contract=contract, timed=self.timed)
+        low.run(parse_function(function).body)
         return self.made[key]
 
     def model_function(

@@ -249,4 +249,9 @@ def _add_run_options(run: argparse.ArgumentParser) -> None:
     run.add_argument(
         "--verify", action="store_true", help="run again ten times tighter and tell the error of each group"
     )
+    run.add_argument(
+        "--costs",
+        action="store_true",
+        help="run again with timers and tell where the time of each group goes",
+    )
     run.add_argument("--quiet", action="store_true", help="say nothing unless something is wrong")

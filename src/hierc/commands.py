@@ -21,7 +21,7 @@ from warnings import catch_warnings, simplefilter
 from hierc import loader
 from hierc.exits import INTERRUPTED, NUMERICAL_FAILURE, OK, USAGE, UsageError
 from hierc.outputs import STDOUT, Outputs, Written, asked_for, check_writable, saved_by, write, writing
-from hierc.screen import Progress, duration, say, show_groups, show_problems, show_verification
+from hierc.screen import Progress, duration, say, show_costs, show_groups, show_problems, show_verification
 from hierc.version import __version__
 
 if TYPE_CHECKING:
@@ -211,6 +211,7 @@ def _simulate(model: Model, arguments: Namespace) -> Result:
             return model.simulate(
                 **settings,
                 verify=arguments.verify,
+                costs=arguments.costs,
                 progress=progress,
                 announce=None if arguments.quiet else say,
             )
@@ -242,6 +243,7 @@ def summary(result: Result, loaded: loader.Loaded, written: Written) -> dict[str
         "settings": _plain(result.settings),
         "parameters": _plain(result.params),
         "groups": {f.name: _group(result, f) for f in result.families},
+        "costs": None if result.costs is None else asdict(result.costs),
         "verification": None if result.verification is None else asdict(result.verification),
         "files": list(written.files),
         "not_written": list(written.failures),
@@ -279,6 +281,8 @@ def _report(result: Result, loaded: loader.Loaded, compiling: float, running: fl
         show_groups(result.families)
     elif result.status.ok:
         say("  no states: nothing to integrate")
+    if result.costs is not None:
+        show_costs(result.costs)
     if result.verification is not None:
         show_verification(result.verification)
     for text in result.warnings:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
     from hierc.grammar.problems import Problem
+    from hierc.runtime.costs import Costs
     from hierc.runtime.families import FamilyStats
     from hierc.runtime.verification import Verification
 
@@ -73,9 +74,32 @@ def show_groups(families: Sequence[FamilyStats]) -> None:
         say("  " + line)
 
 
+def show_costs(found: Costs) -> None:
+    """The table of costs: where the time of each group went, those of an array in one row, with the mean of each."""
+    took = f"steps took {duration(found.seconds)}, as a run with timers tells; these took {duration(found.timers)}"
+    say(f"{took} more")
+    head = ["group", "method", "steps", "rejected", "evaluations", "flops"]
+    head += ["rhs", "algebra", "inputs", "publishing", "rest", "all"]
+    rows = [
+        [g.name, ", ".join(g.methods), str(g.steps), str(g.rejected), str(g.evaluations), f"{g.flops:.3g}"]
+        + [duration(s) for s in (g.rhs, g.algebra, g.inputs, g.publishing, g.rest, g.seconds)]
+        for g in found.groups
+    ]
+    if any(g.groups > 1 for g in found.groups):
+        head.append("each")
+        for g, row in zip(found.groups, rows, strict=True):
+            row.append(duration(g.seconds / g.groups) if g.groups > 1 else "")
+    for line in aligned([head, *rows], left=2):
+        say("  " + line)
+
+
 def show_verification(found: Verification) -> None:
     """The table of errors: the worst state of each group, and when."""
-    end = "" if found.status.ok else f" up to {found.reached:.6g} s, where the second run ended: {found.status.message}"
+    end = (
+        ""
+        if found.status.ok
+        else f" up to {found.reached:.6g} s, where the second run ended: {found.status.message}"
+    )
     say(f"verified by a run ten times tighter{end}")
     rows = [[g.name, f"{g.error:.2g}", g.state, duration(g.time)] for g in found.groups]
     for line in aligned([["group", "error/tolerance", "worst state", "at"], *rows], left=1):
