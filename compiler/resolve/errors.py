@@ -259,14 +259,19 @@ class UnknownFunction(Problem):
     name: str
     candidates: tuple[str, ...]
     module: str | None = None  # that defines it and could be imported
+    instead: Edit | None = None  # what the call is in this language
 
     def title(self) -> str:
         return f"unknown function `{self.name}`"
 
     def help(self) -> tuple[str, ...]:
+        if self.instead is not None:
+            return (f"write `{self.instead.text}`",)
         return import_line(self.name, self.module) or did_you_mean(self.name, self.candidates)
 
     def edits(self) -> tuple[Edit, ...]:
+        if self.instead is not None:
+            return (self.instead,)
         return import_edits(self.span, self.name, self.module) or edits_of(
             self.span, self.name, self.candidates
         )

@@ -24,11 +24,14 @@ from hierc.compiler.shapes.functions import BUILT_IN_FUNCTIONS, LATER_FUNCTIONS
 from hierc.compiler.units.units import literal_in_si
 from hierc.compiler.walk import Visit, visit
 from hierc.grammar import tree
-from hierc.grammar.problems import closest
+from hierc.grammar.problems import Edit, closest
 from hierc.grammar.source import Span
 
 #: Deepest nesting of an expression; later phases recurse, and rely on it.
 MAX_DEPTH = 100
+
+#: What a derivative is called elsewhere.
+DERIVATIVES = ("der", "d", "ddt")
 
 #: Values that every scope has.
 BUILT_IN_VALUES = ("pi",)
@@ -93,7 +96,11 @@ class FileScope:
                 self.problems.add(NotAConstant(call.span, name=f"`{name}`", kind=kind, place=self.place))
         elif name not in self.library.funcs and name not in BUILT_IN_FUNCTIONS:
             names, module = (*self.library.functions(), *BUILT_IN_FUNCTIONS), self.library.elsewhere.get(name)
-            self.problems.add(UnknownFunction(call.function.span, name=name, candidates=names, module=module))
+            self.problems.add(
+                UnknownFunction(
+                    call.function.span, name=name, candidates=names, module=module, instead=_derivative(call)
+                )
+            )
 
     def _reference(self, ref: tree.Ref, bound: frozenset[str]) -> None:
         name = ref.path.steps[0].name.text
@@ -133,6 +140,15 @@ class FileScope:
             self.problems.add(Shadowed(name.span, name=name.text, outer="the built-in constant"))
         elif not file_level and name.text in self.library.consts:
             self.problems.add(Shadowed(name.span, name=name.text, outer="the constant of the file"))
+
+
+def _derivative(call: tree.Call) -> Edit | None:
+    """`x'` for `der(x)` and its like."""
+    match call:
+        case tree.Call(args=(tree.Ref(prime=False) as ref,)) if call.function.text in DERIVATIVES:
+            return Edit(call.span, f"{ref.span.text}'")
+        case _:
+            return None
 
 
 class FunctionScope(FileScope):

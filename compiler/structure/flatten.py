@@ -85,6 +85,8 @@ class _Flattener:
         self._equations: dict[tuple[str, int], _Defined] = {}  # by "diff" or "alge" and index
         self._initial_values: dict[int, Expr] = {}
         self._nominals: dict[int, Expr] = {}
+        #: Variables with an equation that was refused, by instance and name.
+        self._refused: set[tuple[int, str]] = set()
         #: Values of the `read` variables and `let`s of each instance; what is missing was reported.
         self.named: list[dict[str, Value]] = [{} for _ in instances]
         #: Definitions of an agent that were copied for the elements of an array inside it: by definition and domain.
@@ -290,6 +292,7 @@ class _Flattener:
                     self._equation(instance, equation, inner)
             except Rejected as rejection:
                 self._problems.rejected(rejection)
+                self._refused.add((instance.id, equation.equation.target.name.text))
         for invariant in instance.agent.invariants:
             try:
                 condition(evaluate(invariant.condition, env), invariant.condition)
@@ -335,7 +338,9 @@ class _Flattener:
                     self._problems.rejected(rejection)
 
     def _complete(self, instance: Instance, variable: Variable, indices: Sequence[int]) -> None:
-        """Report a vector of which some elements, but not all, have an equation."""
+        """Report a vector of which some elements, but not all, have an equation; not where one is there and wrong."""
+        if (instance.id, variable.name) in self._refused:
+            return
         kind = "diff" if variable.declarator.initial is not None else "alge"
         there = [(kind, index) in self._equations for index in indices]
         if any(there) and not all(there):
