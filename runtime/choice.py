@@ -17,15 +17,20 @@ from numpy.typing import NDArray
 
 #: What the probe runs, and what stays unless another method is predicted to be clearly cheaper.
 FAVOURITE = "radau13"
+#: Leaves the method to `choose`.
+AUTO = "auto"
 #: Another method must be predicted to cost less than this part of the favourite.
 CLEARLY = 0.8
+#: A call of a Python function out of machine code, ns: of the least that such functions do.
+PYTHON_CALL = 3000.0
 
 
 @dataclass(frozen=True, slots=True)
 class Cost:
     """A method's constants. Accuracy: h = reach * T * tol**(1/order). Stability: h <= radius/|lambda|.
 
-    A step takes, in ns, base + iterations*(state*n + evaluation*flops) + algebra*(updates + iterations*entries).
+    A step takes, in ns, base + iterations*(state*n + evaluation*flops) + algebra*(updates + iterations*entries); and each call of a Python function
+    `PYTHON_CALL`, in `lanes` evaluations at a time: those of an implicit step's iterations, and one more that checks it.
     """
 
     order: int
@@ -36,14 +41,21 @@ class Cost:
     evaluation: float
     algebra: float
     iterations: float
+    lanes: int = 1
+
+    @property
+    def calls(self) -> float:
+        """How often a step evaluates what is called in Python."""
+        return self.iterations if math.isfinite(self.radius) else self.lanes * (self.iterations + 1.0)
 
 
 COSTS = {
     "tsit5": Cost(5, 4.9, 3.0, base=118.0, state=1.6, evaluation=0.09, algebra=0.0, iterations=6.0),
     "dop853": Cost(8, 6.2, 6.0, base=181.0, state=2.1, evaluation=0.09, algebra=0.0, iterations=15.0),
-    "radau5": Cost(4, 4.4, math.inf, base=125.0, state=8.9, evaluation=0.16, algebra=0.92, iterations=1.3),
-    "radau9": Cost(6, 7.1, math.inf, base=248.0, state=8.7, evaluation=0.21, algebra=1.0, iterations=1.8),
-    "radau13": Cost(8, 9.6, math.inf, base=286.0, state=8.7, evaluation=0.2, algebra=1.1, iterations=2.2),
+    "adams": Cost(12, 0.64, 1.3, base=138.0, state=17.0, evaluation=0.09, algebra=0.0, iterations=2.0),
+    "radau5": Cost(4, 4.4, math.inf, base=125.0, state=8.9, evaluation=0.16, algebra=0.92, iterations=1.3, lanes=4),
+    "radau9": Cost(6, 7.1, math.inf, base=248.0, state=8.7, evaluation=0.21, algebra=1.0, iterations=1.8, lanes=8),
+    "radau13": Cost(8, 9.6, math.inf, base=286.0, state=8.7, evaluation=0.2, algebra=1.1, iterations=2.2, lanes=8),
 }
 
 #: Methods whose steps are bounded by stability.
@@ -55,7 +67,7 @@ class Probe:
     """What the probe learnt of one group.
 
     `step` is a typical step size of the favourite (s); `spectral_radius()` the largest |eigenvalue| met (1/s), computed only if it can matter;
-    `updates` and `entries` are those of its sparse factorisation.
+    `updates` and `entries` are those of its sparse factorisation; `calls` counts the Python functions that a right-hand side calls.
     """
 
     step: float
@@ -66,6 +78,7 @@ class Probe:
     entries: int
     linear: bool
     tolerance: float
+    calls: int = 0
 
 
 def choose(*probes: Probe) -> str:
@@ -94,7 +107,8 @@ def predicted_cost(name: str, probe: Probe, radius: float) -> float:
         h = min(h, cost.radius / radius)
     iterations = 1.0 if probe.linear and math.isinf(cost.radius) else cost.iterations
     evaluations = iterations * (cost.state * probe.states + cost.evaluation * probe.flops)
-    return (cost.base + evaluations + cost.algebra * (probe.updates + iterations * probe.entries)) / h
+    algebra = cost.algebra * (probe.updates + iterations * probe.entries)
+    return (cost.base + evaluations + algebra + PYTHON_CALL * cost.calls * probe.calls) / h
 
 
 def spectral_radius(matrices: Sequence[NDArray[np.float64]]) -> float:

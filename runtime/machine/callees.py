@@ -41,6 +41,19 @@ def called(function: Callable[..., Any]) -> dict[str, Callee]:
     return {name: names[name] for name in dict.fromkeys(found) if isinstance(names.get(name), Callee)}
 
 
+def calls_of_python(function: Callable[..., Any]) -> int:
+    """How often a function calls externs that are called back."""
+    slow = {
+        name
+        for name, callee in called(function).items()
+        if isinstance(callee, Extern) and isinstance(callee.translation, str)
+    }
+    if not slow:
+        return 0
+    calls = (n.func for n in ast.walk(parse_function(function)) if isinstance(n, ast.Call))
+    return sum(isinstance(called, ast.Name) and called.id in slow for called in calls)
+
+
 def count_of_arguments(callee: Callee) -> int:
     """How many numbers it is called with."""
     return len(callee.axes) if isinstance(callee, Table) else callee.arguments

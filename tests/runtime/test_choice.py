@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hierc
-from hierc.runtime.choice import COSTS, FAVOURITE, Probe, choose, predicted_cost, spectral_radius
+from hierc.runtime.choice import COSTS, EXPLICIT, FAVOURITE, Probe, choose, predicted_cost, spectral_radius
 
 SMALL = Probe(
     step=1.0,
@@ -32,10 +34,19 @@ def test_large_dense_groups_are_explicit_unless_stiff() -> None:
     assert choose(replace(large, spectral_radius=lambda: 1e5)) == FAVOURITE
 
 
+def test_very_costly_right_hand_sides_are_left_to_adams_unless_stiff() -> None:
+    """Where linear algebra costs much too, and where each evaluation calls into Python: two evaluations a step are the least there are."""
+    large = replace(SMALL, states=100, flops=150_000, updates=330_000, entries=10_000)
+    called_back = replace(SMALL, calls=3)
+    for costly in (large, called_back):
+        assert choose(costly) == "adams"
+        assert choose(replace(costly, spectral_radius=lambda: 1e5)) == FAVOURITE
+
+
 def test_stability_bounds_explicit_steps_only() -> None:
     for name in COSTS:
         ratio = predicted_cost(name, SMALL, 1e6) / predicted_cost(name, SMALL, 1.0)
-        assert ratio > 1000 if name in {"tsit5", "dop853"} else ratio == pytest.approx(1.0)
+        assert ratio > 1000 if name in EXPLICIT else ratio == pytest.approx(1.0)
 
 
 def test_spectral_radius() -> None:
@@ -57,3 +68,42 @@ def test_a_run_reports_its_choice() -> None:
     stiff = hierc.load(text.format(extra="- 1e5*(x[i] - cos(1 [1/s]*time))")).simulate(stop=2.0)
     assert {s.method for s in loose.stats.values()} <= {"tsit5", "dop853"}
     assert {s.method for s in stiff.stats.values()} == {FAVOURITE}
+
+
+SPRINGS = """
+def compiled(x):
+    return x + 0.3*x**3
+
+def counted(x, made=[]):
+    made.append(x)
+    return x + 0.3*x**3
+"""
+MASS = """
+extern real spring(real x) = "springs_of_a_test:{name}";
+agent Mass() {{
+  write real x = 1, v = 0;
+  diff {{ x' = v*1 [1/s]; v' = -spring(x)*1 [1/s]; }}
+}}
+"""
+
+
+@pytest.mark.filterwarnings("ignore::hierc.runtime.errors.RunWarning")
+def test_a_function_in_python_is_called_as_seldom_as_can_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Over eight lanes it would be called eight times. What is compiled in is no reason to leave the favourite."""
+    (tmp_path / "springs_of_a_test.py").write_text(SPRINGS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("HIERC_CACHE", str(tmp_path / "cache"))
+    (stats,) = hierc.load(MASS.format(name="compiled")).simulate(stop=50.0, rtol=1e-6).stats.values()
+    assert stats.method == FAVOURITE
+    model = hierc.load(MASS.format(name="counted"))
+    (made,) = importlib.import_module("springs_of_a_test").counted.__defaults__
+    calls = {}
+    for method in ("auto", FAVOURITE, "dop853", "tsit5"):
+        made.clear()
+        (stats,) = model.simulate(stop=100.0, rtol=1e-8, atol=1e-8, method=method).stats.values()
+        assert stats.method == (method if method != "auto" else "adams")
+        calls[method] = len(made)
+    assert calls["auto"] == min(calls.values())
+    assert calls["auto"] < 0.5 * calls[FAVOURITE]
