@@ -33,7 +33,7 @@ def a_group() -> SimpleNamespace:
     """What `coefficients` sees of a group before its first step."""
     g = SimpleNamespace(work=np.zeros((FIRST, 1)), regular=1, alike=0, previous=0.0, trial=0.0)
     constants = {"EQUAL_STEPS": adams.equal_steps(), "LEFT_OUT": adams.left_out()}
-    FunctionType(begin_tables.__code__, {**vars(adams_pieces), **constants})(g)  # as the lowering binds it
+    FunctionType(begin_tables.__code__, {**vars(adams_pieces), **constants})(g.work)  # as the lowering binds it
     return g
 
 
