@@ -56,3 +56,8 @@ def chosen(domain: Domain, elements: Integers) -> Domain:
     """Some elements of a domain as one of their own."""
     columns = tuple(column[elements] for column in domain.indices)
     return Domain(len(elements), domain.outer, domain.places[elements], columns)
+
+
+def inner_domain(outer: Domain, places: Integers) -> Domain:
+    """Elements of their own, which stand at some places of a domain."""
+    return Domain(len(places), outer, places, tuple(column[places] for column in outer.indices))

@@ -63,8 +63,8 @@ class IndexAssigned(Problem):
 class TooManyPatterns(Problem):
     code = "E804"
     explanation = (
-        "Elements of an array that are coupled alike share their equations. Where conditions on indices, sizes or lengths of slices differ from element to "
-        "element, each kind needs equations of its own, and there may not be too many kinds."
+        "Elements of an array that are coupled alike share their equations. Where conditions on indices, sizes or lengths of slices, but those of a sum or "
+        "an extreme, differ from element to element, each kind needs equations of its own, and there may not be too many kinds."
     )
     name: str
     count: int
@@ -75,7 +75,8 @@ class TooManyPatterns(Problem):
 
     def help(self) -> tuple[str, ...]:
         return (
-            "let the index choose what is read (`car[i - 1]`, `parent[i]`), not how many things are: sum step by step along the array",
+            "let the index choose what is read, as in `car[i - 1]` or `parent[i]`",
+            "over as many as the index says, take `sum`, `min` or `max`: `sum(car[1..i].x)`, `sum([car[k].x^2 for k in 1..i])`",
         )
 
 

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from typing import Protocol
 
-from hierc.compiler.arrays.columns import Index
+from hierc.compiler.arrays.columns import Index, added, difference
 from hierc.compiler.collector import Rejected
 from hierc.compiler.expression import Expr
 from hierc.compiler.resolve.declarations import Library
 from hierc.compiler.resolve.errors import ModelTooLarge
-from hierc.compiler.shapes.operations import Sharing
+from hierc.compiler.shapes.errors import NotAKnownInteger
+from hierc.compiler.shapes.operations import Reduction, Sharing
 from hierc.compiler.shapes.values import Value
 from hierc.grammar import tree
 
 #: Scalar operations that all expressions of a model may have before sharing.
 MAX_OPERATIONS = 1_000_000
 
-Reduction = Literal["add", "min", "max"]
 #: Functions that make one scalar of all elements of an array.
 REDUCTIONS: Mapping[str, Reduction] = {"sum": "add", "min": "min", "max": "max"}
 
@@ -32,6 +32,34 @@ class Chosen:
     step: tree.Step
 
 
+@dataclass(frozen=True, slots=True)
+class Ends:
+    """The ends of a range, in a subscript or after `in`, both included. Where they differ between elements, so may the length."""
+
+    first: Index
+    last: Index
+    node: tree.Range
+
+    @property
+    def length(self) -> int | None:
+        """How many indices there are; None if that differs."""
+        longer = difference(self.last, self.first)
+        return max(longer + 1, 0) if isinstance(longer, int) else None
+
+    def indices(self) -> list[Index]:
+        """All of them. Raises Rejected (E305) where the length differs."""
+        length = self.length
+        if length is None:
+            raise Rejected(
+                NotAKnownInteger(self.node.span, what="length of a range", text=self.node.span.text)
+            )
+        return [added(self.first, k) for k in range(length)]
+
+
+#: What a subscript chooses: one index, or a range.
+Axis = Index | Ends
+
+
 class Scope(Protocol):
     """What names stand for."""
 
@@ -40,16 +68,17 @@ class Scope(Protocol):
         ...
 
     def reduced(
-        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
+        self, call: tree.Call, ref: tree.Ref, agents: Axis | None, axes: Sequence[Axis]
     ) -> Value | None:
         """A sum or extreme of a variable over many agents of an array, computed by itself; None where `ref` names no such thing, or few.
 
-        `subs`: what the subscripts after the variable choose.
+        `agents`: those that are chosen, None for all; `axes`: what the subscripts after the variable choose. Raises Rejected where slices of
+        different lengths cannot be joined.
         """
         ...
 
     def reduced_over(
-        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
+        self, call: tree.Call, comprehension: tree.Comprehension, indices: Axis, env: Environment
     ) -> Value | None:
         """The same of an expression for each of many indices; None where there are few, or it cannot be evaluated for all of them alike."""
         ...
@@ -73,13 +102,13 @@ class NoAgents:
     __slots__ = ()
 
     def reduced(
-        self, operation: Reduction, ref: tree.Ref, chosen: Chosen | None, subs: list[list[Index]]
+        self, call: tree.Call, ref: tree.Ref, agents: Axis | None, axes: Sequence[Axis]
     ) -> Value | None:
         """See `Scope`."""
         return None
 
     def reduced_over(
-        self, operation: Reduction, comprehension: tree.Comprehension, indices: list[Index], env: Environment
+        self, call: tree.Call, comprehension: tree.Comprehension, indices: Axis, env: Environment
     ) -> Value | None:
         """See `Scope`."""
         return None

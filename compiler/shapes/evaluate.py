@@ -7,14 +7,14 @@ In: an expression and an `Environment` that knows the names of its scope. Out: a
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import assert_never
+from typing import NoReturn, assert_never
 
-from hierc.compiler.arrays.columns import Index, added, difference
+from hierc.compiler.arrays.columns import Index
 from hierc.compiler.collector import Rejected
 from hierc.compiler.expression import Choose, Gather, Time
 from hierc.compiler.resolve.errors import ModelTooLarge
 from hierc.compiler.resolve.names import size_names
-from hierc.compiler.shapes.environment import REDUCTIONS, Chosen, Environment, Values
+from hierc.compiler.shapes.environment import REDUCTIONS, Axis, Chosen, Ends, Environment, Values
 from hierc.compiler.shapes.errors import (
     IndexOutside,
     NotAKnownInteger,
@@ -153,32 +153,36 @@ def _reference(ref: tree.Ref, env: Environment) -> Value:
 
 def _chosen(step: tree.Step, env: Environment) -> Chosen:
     """The elements that the subscript of an array of agents names."""
+    axis = _agents(step, env)
+    several = isinstance(axis, Ends)
+    return Chosen(tuple(axis.indices()) if isinstance(axis, Ends) else (axis,), several, step)
+
+
+def _agents(step: tree.Step, env: Environment) -> Axis:
+    """What the subscript of an array of agents chooses."""
     if len(step.subs) != 1:
         raise Rejected(
             WrongIndexCount(
                 step.span, name=step.name.text, type="array of agents", wanted=1, given=len(step.subs)
             )
         )
-    return Chosen(tuple(_indices(step.subs[0], env)), isinstance(step.subs[0], tree.Range), step)
+    return _axis(step.subs[0], env)
+
+
+def _axis(sub: tree.Expr | tree.Range, env: Environment) -> Axis:
+    """What a subscript chooses."""
+    if not isinstance(sub, tree.Range):
+        return index_of(sub, env, "index")
+    first, last = (index_of(end, env, "end of a range") for end in (sub.first, sub.last))
+    if isinstance(first, int) and isinstance(last, int) and last - first >= MAX_ELEMENTS:
+        _too_long(sub, last - first + 1)
+    return Ends(first, last, sub)
 
 
 def _indices(sub: tree.Expr | tree.Range, env: Environment) -> list[Index]:
     """The indices that a subscript names: one, or those of a range, which has the same length for all elements."""
-    if not isinstance(sub, tree.Range):
-        return [index_of(sub, env, "index")]
-    first, last = (index_of(end, env, "end of a range") for end in (sub.first, sub.last))
-    if isinstance(first, int) and isinstance(last, int):
-        return list(span_of(sub, env))
-    length = _length(first, last)
-    if length is None:
-        raise Rejected(NotAKnownInteger(sub.span, what="length of a range", text=sub.span.text))
-    return [added(first, k) for k in range(length)]
-
-
-def _length(first: Index, last: Index) -> int | None:
-    """How long a range is for all elements; None if that differs."""
-    longer = difference(last, first)
-    return max(longer + 1, 0) if isinstance(longer, int) else None
+    axis = _axis(sub, env)
+    return axis.indices() if isinstance(axis, Ends) else [axis]
 
 
 def index_of(expr: tree.Expr, env: Environment, what: str) -> Index:
@@ -239,10 +243,12 @@ def span_of(range_: tree.Range, env: Environment) -> range:
     first = known_integer(range_.first, env, "end of a range")
     last = known_integer(range_.last, env, "end of a range")
     if last - first >= MAX_ELEMENTS:
-        raise Rejected(
-            ModelTooLarge(range_.span, what=f"a range of {last - first + 1} indices", limit=MAX_ELEMENTS)
-        )
+        _too_long(range_, last - first + 1)
     return range(first, last + 1)
+
+
+def _too_long(range_: tree.Range, count: int) -> NoReturn:
+    raise Rejected(ModelTooLarge(range_.span, what=f"a range of {count} indices", limit=MAX_ELEMENTS))
 
 
 def declared_shape(type_: tree.Type, env: Environment) -> Shape:
@@ -309,16 +315,14 @@ def _call(call: tree.Call, env: Environment) -> Value:
 
 def _reduced(call: tree.Call, env: Environment) -> Value | None:
     """`sum(car.v)` and its like over many agents; None for any other call."""
-    operation = REDUCTIONS.get(call.function.text)
-    if operation is None or len(call.args) != 1:
+    if call.function.text not in REDUCTIONS or len(call.args) != 1:
         return None
     match call.args[0]:
         case tree.Ref(path=path) as ref if len(path.steps) == 2:
-            chosen = _chosen(path.steps[0], env) if path.steps[0].subs else None
-            subs = [_indices(sub, env) for sub in path.steps[1].subs]
-            return env.scope.reduced(operation, ref, chosen, subs)
+            agents = _agents(path.steps[0], env) if path.steps[0].subs else None
+            return env.scope.reduced(call, ref, agents, [_axis(sub, env) for sub in path.steps[1].subs])
         case tree.Comprehension(over=over) as comprehension:
-            return env.scope.reduced_over(operation, comprehension, _indices(over.range, env), env)
+            return env.scope.reduced_over(call, comprehension, _axis(over.range, env), env)
         case _:
             return None
 

@@ -16,7 +16,7 @@ from hierc.compiler.shapes import matrices
 from hierc.compiler.shapes.advice import of_function
 from hierc.compiler.shapes.errors import MatrixTooLarge, NotAKnownInteger, WrongArguments
 from hierc.compiler.shapes.folding import constant
-from hierc.compiler.shapes.operations import Sharing, chained, inner_product
+from hierc.compiler.shapes.operations import Reduction, Sharing, chained, products, reduction
 from hierc.compiler.shapes.values import Value, apply, joined, number, scalar_of, type_text
 from hierc.grammar import tree
 from hierc.grammar.source import Span
@@ -115,13 +115,13 @@ def _div(args: Arguments) -> Value:
     return scalar_of("int", apply("quotient", values[0].single, values[1].single, span=args.span))
 
 
-def _extreme(op: Operator) -> Callable[[Arguments], Value]:
+def _extreme(op: Reduction) -> Callable[[Arguments], Value]:
     """`min` and `max`: of a vector or matrix, or of two numbers or more."""
 
     def function(args: Arguments) -> Value:
         values = args.values
         if len(values) == 1 and values[0].shape and values[0].elements and values[0].scalar != "bool":
-            return scalar_of(values[0].scalar, chained(op, values[0].elements, args.span))
+            return scalar_of(values[0].scalar, reduction(op, values[0].elements, args.span, args.sharing))
         if len(values) < 2 or any(v.shape != () or v.scalar == "bool" for v in values):
             raise args.wrong("a vector or matrix, or at least 2 numbers")
         elements = [v.single for v in values]
@@ -173,7 +173,8 @@ def _small(args: Arguments, size: int) -> None:
 
 def _dot(args: Arguments) -> Value:
     a, b = _vectors(args, 2, "2 vectors of equal length")
-    return scalar_of(joined((a.scalar, b.scalar)), inner_product(a.elements, b.elements, args.span))
+    terms = products(a.elements, b.elements, args.span)
+    return scalar_of(joined((a.scalar, b.scalar)), reduction("add", terms, args.span, args.sharing))
 
 
 def _cross(args: Arguments) -> Value:
@@ -194,7 +195,10 @@ def _cross(args: Arguments) -> Value:
 def _norm(args: Arguments) -> Value:
     _vectors(args, 1, "1 vector")
     (x,) = args.shared()
-    return scalar_of("real", apply("sqrt", inner_product(x.elements, x.elements, args.span), span=args.span))
+    squares = products(x.elements, x.elements, args.span)
+    return scalar_of(
+        "real", apply("sqrt", reduction("add", squares, args.span, args.sharing), span=args.span)
+    )
 
 
 def _transpose(args: Arguments) -> Value:
@@ -244,7 +248,7 @@ def _sum(args: Arguments) -> Value:
         raise args.wrong("1 vector or matrix")
     (x,) = args.values
     return (
-        scalar_of(x.scalar, chained("add", x.elements, args.span))
+        scalar_of(x.scalar, reduction("add", x.elements, args.span, args.sharing))
         if x.elements
         else number(0, x.scalar, args.span)
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
+from typing import Literal
 
 from hierc.compiler.collector import Rejected
 from hierc.compiler.expression import Apply, Expr, Number, Operator
@@ -23,11 +24,18 @@ from hierc.grammar.source import Span
 MAX_PRODUCT = 100_000
 
 
+#: What makes one scalar of many.
+Reduction = Literal["add", "min", "max"]
+
+
 @dataclass(frozen=True, slots=True)
 class Sharing:
-    """How to name scalars for repeated use. `define(name, expr)` gives a leaf that stands for `expr`."""
+    """How to name scalars for repeated use. `define(name, expr)` gives a leaf that stands for `expr`; `join(op, terms, span)` one that stands for many
+    terms of other agents, joined, None where they are better written out.
+    """
 
     define: Callable[[str, Expr], Expr]
+    join: Callable[[Reduction, Sequence[Expr], Span], Expr | None] = lambda op, terms, span: None
 
     def value(self, value: Value, name: str) -> Value:
         """`value` with a leaf for each of its elements."""
@@ -138,7 +146,11 @@ def _product(left: Value, right: Value, span: Span, sharing: Sharing) -> Value |
     if (matrix := inverted(left)) is not None:
         return Value("real", (rows, *right.shape[1:]), unknowns(matrix, columns, span))
     a = sharing.value(left, "left")
-    elements = tuple(inner_product(a.row(i), column, span) for i in range(rows) for column in columns)
+    elements = tuple(
+        reduction("add", products(a.row(i), column, span), span, sharing)
+        for i in range(rows)
+        for column in columns
+    )
     return Value(scalar, (rows, *right.shape[1:]), elements)
 
 
@@ -166,7 +178,17 @@ def inverted(value: Value) -> tuple[Expr, ...] | None:
 
 def inner_product(left: Sequence[Expr], right: Sequence[Expr], span: Span) -> Expr:
     """The sum of the products of each pair; at least one pair."""
-    return chained("add", [apply("mul", a, b, span=span) for a, b in zip(left, right, strict=True)], span)
+    return chained("add", products(left, right, span), span)
+
+
+def products(left: Sequence[Expr], right: Sequence[Expr], span: Span) -> list[Expr]:
+    """The products of each pair."""
+    return [apply("mul", a, b, span=span) for a, b in zip(left, right, strict=True)]
+
+
+def reduction(op: Reduction, terms: Sequence[Expr], span: Span, sharing: Sharing) -> Expr:
+    """The sum or extreme of `terms`, at least one, perhaps many of other agents."""
+    return sharing.join(op, terms, span) or chained(op, terms, span)
 
 
 def chained(op: Operator, terms: Sequence[Expr], span: Span) -> Expr:

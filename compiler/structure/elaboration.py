@@ -1,31 +1,25 @@
 """Elaboration: arrays of agents are divided into blocks of elements that are coupled alike, and every agent gets its parameters.
 
 In: the outline of the model. Out: instances in text order, each after the agent that contains it, and the parameters. Guaranteed: the elements of a block
-agree in their structural parameters, in every condition on indices that its couplings and arguments decide by, and in the lengths of slices; nothing is
-done element by element.
+agree in their structural parameters and in every decision (`decisions.py`) of their couplings and arguments; nothing is done element by element.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 
-import numpy as np
-
-from hierc.compiler.arrays.columns import Column, Index, Integers, added, difference
+from hierc.compiler.arrays.columns import Column, Integers
 from hierc.compiler.arrays.domains import Domain, array_domain, chosen
 from hierc.compiler.arrays.errors import EmptyArray, NegativeIndex, TooManyPatterns
 from hierc.compiler.collector import Rejected
 from hierc.compiler.context import Context
-from hierc.compiler.expression import Gather
 from hierc.compiler.resolve.errors import TooManyInstances
-from hierc.compiler.shapes.environment import Environment, Values
-from hierc.compiler.shapes.evaluate import evaluate, index_in, known_integer
-from hierc.compiler.shapes.folding import constant
-from hierc.compiler.shapes.values import Value, index_value, scalar_of
+from hierc.compiler.shapes.environment import Environment
+from hierc.compiler.shapes.evaluate import known_integer
+from hierc.compiler.structure.decisions import choices, differing, divided, tried
 from hierc.compiler.structure.instances import Array, Instance, inside
 from hierc.compiler.structure.parameters import ParameterBuilder, Parameters
-from hierc.compiler.walk import Visit, below
 from hierc.grammar import tree
 
 #: Most elements of all arrays of a model.
@@ -123,132 +117,25 @@ class _Elaboration:
     def _patterns(self, parent: Instance, sub: tree.Instance, whole: Domain) -> list[Integers]:
         """The places in `whole` of the elements of each block, in the order of their first ones."""
         structural = self._builder.structural(sub.agent.text)
-        waiting = [np.arange(whole.count)]
-        found: list[Integers] = []
-        while waiting:
-            places = waiting.pop()
-            domain = chosen(whole, places)
-            env = self._builder.environment(parent.id, domain, sub.index)
-            decision = next(_decisions(sub, structural, env), None)
-            if decision is None:
-                found.append(places)
-            else:
-                values = np.unique(decision.values)
-                waiting += [places[decision.values == value] for value in values[::-1].tolist()]
-            if len(found) + len(waiting) > MAX_PATTERNS:
-                count = len(found) + len(waiting)
-                raise Rejected(
-                    TooManyPatterns(sub.name.span, name=sub.name.text, count=count, limit=MAX_PATTERNS)
-                )
-        return sorted(found, key=lambda places: int(places[0]))
+        arrays = [name for name, other in parent.agent.subs.items() if other.instance.index is not None]
+
+        def decisions(part: Domain) -> Iterator[Column]:
+            return _decisions(sub, structural, self._builder.environment(parent.id, part, sub.index), arrays)
+
+        def refusal(count: int) -> Rejected:
+            name = sub.name
+            return Rejected(TooManyPatterns(name.span, name=name.text, count=count, limit=MAX_PATTERNS))
+
+        return divided(whole, decisions, MAX_PATTERNS, refusal)
 
 
-def _decisions(sub: tree.Instance, structural: frozenset[str], env: Environment) -> Iterator[Column]:
+def _decisions(
+    sub: tree.Instance, structural: frozenset[str], env: Environment, arrays: Collection[str]
+) -> Iterator[Column]:
     """What differs between elements and decides how they are built: the first thing found is enough to divide them."""
     for arg in sub.args:
-        yield from _choices(arg.value, env)
-        if arg.name.text in structural and (value := _tried(arg.value, env)) is not None:
-            yield from _differing(value)
+        yield from choices(arg.value, env)
+        if arg.name.text in structural and (value := tried(arg.value, env)) is not None:
+            yield from differing(value)
     for bind in sub.bindings:
-        yield from _choices(bind.value, env)
-
-
-def _differing(value: Value) -> Iterator[Column]:
-    """The elements of a value that are known when compiling, and differ."""
-    for element in value.elements:
-        if isinstance(element, Gather) and element.kind == "index" and isinstance(element.at, Column):
-            yield element.at
-
-
-def _choices(expr: tree.Expr, env: Environment) -> Iterator[Column]:
-    """Conditions on indices, and lengths of ranges, that differ between elements. A branch that is not taken is not looked at; lists are looked at
-    index by index, and functions with their arguments.
-    """
-    stack = [_Place(expr, env, 0)]
-    while stack:
-        here = stack.pop()
-        node = here.node
-        for range_ in _ranges(node):
-            yield from _length(range_, here.env)
-        match node:
-            case tree.Cond(condition=condition) if (test := _tried(condition, here.env)) is not None:
-                yield from _differing(test)
-                taken = node.then if constant(test.single) else node.other
-                stack += [replace(here, node=part) for part in (taken, condition)]
-            case tree.Comprehension(over=over) if (numbers := _numbers(over.range, here.env)) is not None:
-                inner = [here.env.bind(over.index.text, scalar_of("int", index_value(k))) for k in numbers]
-                stack += [replace(here, node=node.item, env=each) for each in inner]
-            case tree.Call(function=function, args=args) if function.text in here.env.library.funcs:
-                stack += [replace(here, node=arg) for arg in args]
-                if here.calls < MAX_CALLS:
-                    func = here.env.library.funcs[function.text]
-                    stack.append(_Place(func.body, _inside(func, args, here.env), here.calls + 1))
-            case _:
-                stack += [
-                    replace(here, node=visit_.node) for visit_ in below(Visit(node, frozenset(), False, 1))
-                ]
-
-
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """A part of an expression on the way through it, and what is known there; `calls`: how many functions it is inside of."""
-
-    node: tree.Expr
-    env: Environment
-    calls: int
-
-
-#: Indices of a list that are looked at one by one, and functions in functions.
-MAX_INDICES, MAX_CALLS = 100, 8
-
-
-def _inside(func: tree.Func, args: tuple[tree.Expr, ...], env: Environment) -> Environment:
-    """What is known in the body of a function: the arguments that are, and constants."""
-    inner = replace(env, scope=Values(env.constants), indices={})
-    for param, arg in zip(func.params, args, strict=False):
-        value = _tried(arg, env)
-        if value is not None:
-            inner = inner.bind(param.name.text, value)
-    return inner
-
-
-def _tried(expr: tree.Expr, env: Environment) -> Value | None:
-    """The value of a scalar that is known when compiling; None for any other. What is wrong with it is reported where it is used."""
-    try:
-        value = evaluate(expr, env)
-    except Rejected:
-        return None
-    known = value.shape == () and (constant(value.single) is not None or any(_differing(value)))
-    return value if known else None
-
-
-def _ranges(node: tree.Expr) -> list[tree.Range]:
-    match node:
-        case tree.Ref(path=path):
-            return [sub for step in path.steps for sub in step.subs if isinstance(sub, tree.Range)]
-        case tree.Comprehension(over=over):
-            return [over.range]
-        case _:
-            return []
-
-
-def _ends(range_: tree.Range, env: Environment) -> tuple[Index, Index] | None:
-    ends = [_tried(end, env) for end in (range_.first, range_.last)]
-    first, last = (None if end is None else index_in(end) for end in ends)
-    return None if first is None or last is None else (first, last)
-
-
-def _length(range_: tree.Range, env: Environment) -> Iterator[Column]:
-    """The length of a range, if it differs between elements."""
-    ends = _ends(range_, env)
-    if ends is not None and isinstance(length := difference(ends[1], ends[0]), Column):
-        yield length
-
-
-def _numbers(range_: tree.Range, env: Environment) -> list[Index] | None:
-    """The indices of a short range whose length is known."""
-    ends = _ends(range_, env)
-    length = None if ends is None else difference(ends[1], ends[0])
-    if ends is None or not isinstance(length, int) or length >= MAX_INDICES:
-        return None
-    return [added(ends[0], k) for k in range(length + 1)]
+        yield from choices(bind.value, env, arrays)

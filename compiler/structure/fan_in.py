@@ -12,17 +12,19 @@ from math import inf
 import numpy as np
 
 from hierc.compiler.arrays.columns import Integers, column
-from hierc.compiler.arrays.domains import Domain
-from hierc.compiler.expression import Apply, Expr, Gather
-from hierc.compiler.shapes.environment import Reduction
+from hierc.compiler.arrays.domains import inner_domain
+from hierc.compiler.expression import Apply, Choose, Expr, Gather, Number
+from hierc.compiler.shapes.operations import Reduction
 from hierc.compiler.structure.flat import FlatDefinition, FlatNode
 from hierc.compiler.structure.instances import Instance
-from hierc.compiler.structure.scope import Kind
-from hierc.compiler.structure.storage import Storage
+from hierc.compiler.structure.slices import Row, Slices
+from hierc.compiler.structure.storage import Kind, Storage
 from hierc.grammar.source import Span
 
 #: Most scalars that one node joins; fewer where the derivatives by them need conditions.
 WIDTHS: dict[Reduction, int] = {"add": 32, "min": 8, "max": 8}
+#: Scalars up to which a sum over an array is written out.
+FEW = 32
 _NAMES: dict[Reduction, str] = {"add": "sum", "min": "min", "max": "max"}
 
 
@@ -34,6 +36,7 @@ class FanIns:
     nodes: list[FlatNode] = field(default_factory=list)
     definitions: list[FlatDefinition] = field(default_factory=list)
     _made: dict[tuple[Reduction, Kind, bytes], Integers] = field(default_factory=dict)
+    _rows: dict[tuple[Reduction, Kind, bytes], Row] = field(default_factory=dict)
     _count: int = 0
 
     def joined(
@@ -49,28 +52,80 @@ class FanIns:
             self._made[key] = layer[:, 0]
         return self._made[key]
 
+    def sliced(
+        self,
+        operation: Reduction,
+        kind: Kind,
+        scalars: Integers,
+        slices: Slices,
+        around: Instance,
+        span: Span,
+    ) -> Integers:
+        """The algebraic variables that join slices of the rows of `scalars`, each alone. The sum of nothing is 0."""
+        key = (operation, kind, scalars.tobytes())
+        if key not in self._rows:
+
+            def made(kind: Kind, scalars: Integers, sizes: Integers, places: Integers) -> Integers:
+                return self._block(operation, kind, scalars, sizes, places, around, span)
+
+            self._rows[key] = Row(made, kind, scalars)
+        there = slices.first <= slices.last
+        numbers = np.empty(len(there), np.int64)
+        if there.any():
+            numbers[there] = self._rows[key].joined(slices.taken(there))
+        if not there.all():
+            numbers[~there] = self._nothing(operation, around, span)
+        return numbers
+
+    def _nothing(self, operation: Reduction, around: Instance, span: Span) -> Integers:
+        """A node that joins nothing."""
+        assert operation == "add"
+        domain = inner_domain(around.domain, np.zeros(1, np.int64))
+        name = f"{_NAMES[operation]} of {span.text}"
+        return self._add(name, _NAMES[operation], Number(span, 0.0), replace(around, domain=domain), span)
+
     def _layer(
         self, operation: Reduction, kind: Kind, scalars: Integers, around: Instance, span: Span
     ) -> Integers:
         """Nodes that join a few columns each; their variables, one a row for each."""
-        width = scalars.shape[1]
+        rows, width = scalars.shape
         count = -(-width // WIDTHS[operation])
         small, large = width // count, width % count  # `large` nodes join one more
         parts = []
         for nodes, size, first in ((large, small + 1, 0), (count - large, small, large * (small + 1))):
             if nodes:
                 columns = scalars[:, first : first + nodes * size].reshape(-1, size)
-                parts.append(self._block(operation, kind, columns, nodes, around, span).reshape(-1, nodes))
+                sizes, places = np.full(len(columns), size), np.repeat(np.arange(rows), nodes)
+                made = self._block(operation, kind, columns, sizes, places, around, span)
+                parts.append(made.reshape(-1, nodes))
         return np.concatenate(parts, axis=1)
 
     def _block(
-        self, operation: Reduction, kind: Kind, scalars: Integers, nodes: int, around: Instance, span: Span
+        self,
+        operation: Reduction,
+        kind: Kind,
+        scalars: Integers,
+        sizes: Integers,
+        places: Integers,
+        around: Instance,
+        span: Span,
     ) -> Integers:
-        """One block: `nodes` for each element of `around`, each joining a row of `scalars`."""
-        places = np.repeat(np.arange(around.domain.count), nodes)
-        domain = Domain(len(places), around.domain, places, tuple(c[places] for c in around.domain.indices))
+        """One block: a node for each row of `scalars`, in the element of `around` at its place, joining as many of the row as `sizes` says.
+
+        Of what is left over in a row only the form counts: an extreme joins the first again.
+        """
+        domain = inner_domain(around.domain, places)
         name = f"{_NAMES[operation]} of {span.text}"
-        terms: list[Expr] = [Gather(span, kind, column(scalars[:, k])) for k in range(scalars.shape[1])]
+        terms: list[Expr] = []
+        for k in range(scalars.shape[1]):
+            inside = k < sizes
+            term: Expr = Gather(span, kind, column(np.where(inside, scalars[:, k], scalars[:, 0])))
+            if operation == "add" and not inside.all():
+                size = Gather(span, "index", column(sizes))
+                term = Choose(
+                    span, Apply(span, "lt", (Number(span, float(k)), size)), term, Number(span, 0.0)
+                )
+            terms.append(term)
         while len(terms) > 1:  # by pairs: short ways from each term to the result, so short derivatives
             pairs = zip(terms[::2], terms[1::2], strict=False)
             odd = terms[-1:] if len(terms) % 2 else []

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,22 +18,25 @@ from hierc.compiler.arrays.domains import Domain
 from hierc.compiler.collector import Rejected
 from hierc.compiler.context import Context
 from hierc.compiler.equations.errors import DefinedTwice, NeverDefined, NoDerivative
-from hierc.compiler.expression import Choose, Expr, Gather, Local, Number, Rate, State
+from hierc.compiler.expression import Choose, Expr, Number
 from hierc.compiler.resolve.declarations import Equation, Variable
 from hierc.compiler.resolve.errors import GivenTwice
-from hierc.compiler.shapes.environment import Environment, Reduction, Values
+from hierc.compiler.shapes.environment import Environment, Scope, Values
 from hierc.compiler.shapes.evaluate import evaluate, expected, selected, span_of
-from hierc.compiler.shapes.operations import Sharing, condition
-from hierc.compiler.shapes.terms import cut, rewritten
-from hierc.compiler.shapes.values import Value, element_names, index_value, is_leaf, number
+from hierc.compiler.shapes.operations import Reduction, Sharing, condition
+from hierc.compiler.shapes.values import Value, element_names, index_value, number
+from hierc.compiler.structure.alike import Joiner
+from hierc.compiler.structure.array_reads import View
 from hierc.compiler.structure.each import given, indices_around
 from hierc.compiler.structure.fan_in import FanIns
 from hierc.compiler.structure.flat import Flat, FlatDefinition, FlatState
 from hierc.compiler.structure.instances import Instance
-from hierc.compiler.structure.parameters import Parameters, index_of_elements, moved
+from hierc.compiler.structure.parameters import Brought, Parameters, index_of_elements
 from hierc.compiler.structure.paths import Gift, elements, in_order
-from hierc.compiler.structure.scope import InstanceScope, Kind, View
-from hierc.compiler.structure.storage import Storage, StoredGathering, allocate
+from hierc.compiler.structure.scope import InstanceScope
+from hierc.compiler.structure.sharing import Definitions
+from hierc.compiler.structure.slices import Slices
+from hierc.compiler.structure.storage import Kind, Storage, StoredGathering, allocate
 from hierc.compiler.structure.variables import flat_variables
 from hierc.grammar import tree
 from hierc.grammar.source import Span
@@ -81,7 +83,7 @@ class _Flattener:
         self._experiment = experiment
         self._initials = initials
         self.storage: Storage = allocate(self._file, instances, parameters, self._problems)
-        self._definitions: list[FlatDefinition] = list(self.storage.algebraic)
+        self._definitions = Definitions(self.storage)
         self._equations: dict[tuple[str, int], _Defined] = {}  # by "diff" or "alge" and index
         self._initial_values: dict[int, Expr] = {}
         self._nominals: dict[int, Expr] = {}
@@ -89,8 +91,6 @@ class _Flattener:
         self._refused: set[tuple[int, str]] = set()
         #: Values of the `read` variables and `let`s of each instance; what is missing was reported.
         self.named: list[dict[str, Value]] = [{} for _ in instances]
-        #: Definitions of an agent that were copied for the elements of an array inside it: by definition and domain.
-        self._copies: dict[tuple[int, int], Expr] = {}
         self._fan_ins = FanIns(self.storage)
 
     def result(self) -> Flat:
@@ -105,36 +105,14 @@ class _Flattener:
             self._instances,
             (*self.storage.nodes, *self._fan_ins.nodes),
             tuple(self._state(index) for index in range(len(self.storage.states))),
-            (*(self._finished(index) for index in range(len(self._definitions))), *self._fan_ins.definitions),
+            (
+                *(self._finished(index) for index in range(len(self._definitions.made))),
+                *self._fan_ins.definitions,
+            ),
             tuple(flat_variables(self._instances, self.storage, self.named)),
         )
 
     # ---- sharing ------------------------------------------------------------------------------------------------------------------
-
-    def _add(self, name: str, path: str, value: Expr, span: Span, domain: Domain, *, hidden: bool) -> Local:
-        self._definitions.append(FlatDefinition(name, path, value, span, None, hidden, domain))
-        return Local(span, len(self._definitions) - 1)
-
-    def _define(self, name: str, at: Instance, expr: Expr, span: Span, *, hidden: bool = False) -> Expr:
-        """A leaf that stands for `expr`, which the elements of `at` use."""
-        if is_leaf(expr):
-            return expr
-        value = self._shallow(expr, name, at)
-        return self._add(name, at.named(name), value, span, at.domain, hidden=hidden)
-
-    def _shallow(self, expr: Expr, name: str, at: Instance) -> Expr:
-        """`expr` with its deep parts cut out into definitions of their own."""
-
-        def part(deep: Expr) -> Expr:
-            return self._add(
-                f"part of {name}", at.named(name), deep, deep.span or self._span, at.domain, hidden=True
-            )
-
-        return cut(expr, part)
-
-    @property
-    def _span(self) -> Span:
-        return self._instances[0].agent.definition.name.span
 
     def _environment(self, at: Instance, around: Instance | None = None) -> Environment:
         """The scope of an agent for its own equations, or that of the agent `around` it for its couplings."""
@@ -151,96 +129,72 @@ class _Flattener:
         """`env` with the names of a scope, for expressions that the elements of `at` use."""
 
         def define(name: str, expr: Expr) -> Expr:
-            return self._define(name, at, expr, expr.span or at.agent.definition.span, hidden=True)
+            return self._definitions.define(
+                name, at, expr, expr.span or at.agent.definition.span, hidden=True
+            )
 
-        gathering = StoredGathering(self.storage, self._parameters.tables) if at.domain.count > 1 else None
-        return replace(env, scope=scope, sharing=Sharing(define), gathering=gathering)
-
-    def brought(self, value: Value, view: View) -> Value:
-        """See `scope.Owner`. What is the same for all elements stays as it is; a `let` of an agent that has several elements is copied."""
-        outer = view.domain.outer
-        if outer is None or outer.count == 1:
-            return value
+        gathering = StoredGathering(self.storage, self._parameters.tables)
+        joiner = Joiner(self._definitions, self._fan_ins, gathering, scope.instance, at.domain)
         return replace(
-            value,
-            elements=tuple(rewritten(e, lambda leaf: self._brought(leaf, view)) for e in value.elements),
+            env,
+            scope=scope,
+            sharing=Sharing(define, joiner.joined),
+            gathering=gathering if at.domain.count > 1 else None,
         )
 
-    def _brought(self, leaf: Expr, view: View) -> Expr:
-        storage, places = self.storage, view.places
-        match leaf:
-            case State(index=slot) | Rate(index=slot):
-                kind: Literal["state", "rate"] = "state" if isinstance(leaf, State) else "rate"
-                state = storage.states[slot]
-                if storage.nodes[state.node].instance.domain.count == 1:
-                    return leaf
-                return Gather(leaf.span, kind, column(state.first + places))
-            case Gather():
-                return moved(leaf, places)
-            case Local(index=index):
-                return self._copied(leaf, index, view)
-            case _:
-                return leaf
-
-    def _copied(self, leaf: Local, index: int, view: View) -> Expr:
-        """A definition of the agent around an array, for the elements of the array."""
-        definition = self._definitions[index]
-        if definition.domain.count == 1:
-            return leaf
-        if definition.owner is not None:
-            return Gather(leaf.span, "algebraic", column(definition.first + view.places))
-        key = (index, id(view.domain))
-        if key not in self._copies:
-            value = rewritten(definition.value, lambda inner: self._brought(inner, view))
-            self._copies[key] = (
-                value
-                if is_leaf(value)
-                else self._add(
-                    definition.name,
-                    definition.path,
-                    value,
-                    definition.span,
-                    view.domain,
-                    hidden=definition.hidden,
-                )
-            )
-        copy = self._copies[key]
-        return replace(copy, span=leaf.span)
+    def brought(self, value: Value, view: View) -> Value:
+        """See `array_reads.Owner`."""
+        return self._definitions.brought(value, view)
 
     def fan_in(
         self, operation: Reduction, kind: Kind, scalars: Integers, around: Instance, span: Span
     ) -> Integers:
-        """See `scope.Owner`."""
+        """See `array_reads.Owner`."""
         return self._fan_ins.joined(operation, kind, scalars, around, span)
 
-    def spread(self, scope: InstanceScope, env: Environment) -> Environment:
-        """See `scope.Owner`."""
-        assert scope.view is not None
-        return self._used_by(replace(scope.instance, domain=scope.view.domain), scope, env)
+    def sliced(
+        self,
+        operation: Reduction,
+        kind: Kind,
+        scalars: Integers,
+        slices: Slices,
+        around: Instance,
+        span: Span,
+    ) -> Integers:
+        """See `array_reads.Owner`."""
+        return self._fan_ins.sliced(operation, kind, scalars, slices, around, span)
+
+    def spread(self, instance: Instance, view: View, env: Environment) -> Environment:
+        """See `array_reads.Owner`."""
+        return self._used_by(replace(instance, domain=view.domain), InstanceScope(self, instance, view), env)
+
+    def deciding(self, instance: Instance, domain: Domain, env: Environment) -> Environment:
+        """See `array_reads.Owner`."""
+        scope: Scope = self.parameters_of(instance)
+        if instance.domain.count > 1:
+            scope = Brought(scope, domain.places)
+        gathering = self._parameters.tables if domain.count > 1 else None
+        return replace(self._file, scope=scope, gathering=gathering, indices=env.indices)
 
     def computed(self, expr: Expr, around: Instance, domain: Domain, span: Span) -> Integers:
-        """See `scope.Owner`."""
+        """See `array_reads.Owner`."""
         at = replace(around, domain=domain)
-        return self._fan_ins.computed(self._shallow(expr, "term", at), at, span)
+        return self._fan_ins.computed(self._definitions.shallow(expr, "term", at), at, span)
 
     def placed(self, value: Value, span: Span) -> Value:
-        """A `let` or coupling used at `span`. Variables in it stay where the text names them: that is what a problem points at."""
-        elements = (
-            replace(e, span=span) if isinstance(e, Local) and not self._is_variable(e) else e
-            for e in value.elements
-        )
-        return replace(value, elements=tuple(elements))
+        """See `array_reads.Owner`."""
+        return self._definitions.placed(value, span)
 
     def instance(self, index: int) -> Instance:
-        """See `scope.Owner`."""
+        """See `array_reads.Owner`."""
         return self._instances[index]
 
     def parameters_of(self, instance: Instance) -> Values:
-        """See `scope.Owner`."""
+        """See `array_reads.Owner`."""
         return self._parameters.by_instance[instance.id]
 
     def named_of(self, instance: Instance, name: str) -> Value | None:
-        """See `scope.Owner`."""
+        """See `array_reads.Owner`."""
         return self.named[instance.id].get(name)
 
     # ---- names --------------------------------------------------------------------------------------------------------------------
@@ -278,7 +232,7 @@ class _Flattener:
         """Make a definition of each scalar of a `let` or coupling."""
         names = element_names(name, value.shape)
         elements = tuple(
-            self._define(n, instance, e, span) for n, e in zip(names, value.elements, strict=True)
+            self._definitions.define(n, instance, e, span) for n, e in zip(names, value.elements, strict=True)
         )
         self.named[instance.id][name] = replace(value, elements=elements)
 
@@ -320,7 +274,7 @@ class _Flattener:
                 )
                 continue
             self._equations[key] = _Defined(
-                self._shallow(element, names[place], instance), equation.equation.span
+                self._definitions.shallow(element, names[place], instance), equation.equation.span
             )
 
     def _states(self, instance: Instance) -> None:
@@ -377,7 +331,7 @@ class _Flattener:
             first.update(dict.fromkeys(places, path) if gift.whole else {})
         for index, start_value in zip(indices, values, strict=True):
             if start_value is not None:
-                self._initial_values[index] = self._shallow(start_value, name, instance)
+                self._initial_values[index] = self._definitions.shallow(start_value, name, instance)
 
     @property
     def _outside(self) -> Environment:
@@ -417,13 +371,10 @@ class _Flattener:
         )
 
     def _finished(self, index: int) -> FlatDefinition:
-        definition = self._definitions[index]
+        definition = self._definitions.made[index]
         if definition.owner is None:
             return definition
         return replace(definition, value=self._equations["alge", index].value)
-
-    def _is_variable(self, leaf: Local) -> bool:
-        return self._definitions[leaf.index].owner is not None
 
 
 def _over(mask: NDArray[np.bool_], value: Expr, before: Expr, node: tree.Node) -> Expr:

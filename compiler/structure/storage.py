@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
+from typing import Literal
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from hierc.compiler.structure.flat import FlatDefinition, FlatNode
 from hierc.compiler.structure.instances import Instance
 from hierc.compiler.structure.parameters import Parameters, Tables
 from hierc.grammar.source import Span
+
+#: What of other elements an expression may name, as `Gather` has it.
+Kind = Literal["state", "rate", "algebraic"]
 
 
 @dataclass(frozen=True, slots=True)
