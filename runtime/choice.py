@@ -53,9 +53,15 @@ COSTS = {
     "tsit5": Cost(5, 4.9, 3.0, base=118.0, state=1.6, evaluation=0.09, algebra=0.0, iterations=6.0),
     "dop853": Cost(8, 6.2, 6.0, base=181.0, state=2.1, evaluation=0.09, algebra=0.0, iterations=15.0),
     "adams": Cost(12, 0.64, 1.3, base=138.0, state=17.0, evaluation=0.09, algebra=0.0, iterations=2.0),
-    "radau5": Cost(4, 4.4, math.inf, base=125.0, state=8.9, evaluation=0.16, algebra=0.92, iterations=1.3, lanes=4),
-    "radau9": Cost(6, 7.1, math.inf, base=248.0, state=8.7, evaluation=0.21, algebra=1.0, iterations=1.8, lanes=8),
-    "radau13": Cost(8, 9.6, math.inf, base=286.0, state=8.7, evaluation=0.2, algebra=1.1, iterations=2.2, lanes=8),
+    "radau5": Cost(
+        4, 4.4, math.inf, base=125.0, state=8.9, evaluation=0.16, algebra=0.92, iterations=1.3, lanes=4
+    ),
+    "radau9": Cost(
+        6, 7.1, math.inf, base=248.0, state=8.7, evaluation=0.21, algebra=1.0, iterations=1.8, lanes=8
+    ),
+    "radau13": Cost(
+        8, 9.6, math.inf, base=286.0, state=8.7, evaluation=0.2, algebra=1.1, iterations=2.2, lanes=8
+    ),
 }
 
 #: Methods whose steps are bounded by stability.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ from numpy.typing import NDArray
 from hierc.runtime.columns import distinct, median
 from hierc.runtime.contract import Plan
 from hierc.runtime.elements import Elements
-from hierc.runtime.paths import Catalogue
+from hierc.runtime.paths import Catalogue, PathError
 from hierc.runtime.trajectory import GroupTrajectory
 
 Integers = NDArray[np.int64]
@@ -46,6 +48,54 @@ class FamilyStats:
 def group_catalogue(plan: Plan) -> Catalogue:
     """The names of a plan's groups."""
     return Catalogue("unknown group", [(g.name, g.count, g.indices) for g in plan.groups])
+
+
+V = TypeVar("V")
+#: So many groups are not listed in a message.
+MANY = 7
+
+
+class ByGroup(Mapping[str, V]):
+    """Something for each group by its name, made when it is asked for; what names no group, or several, is explained.
+
+    `joined`: the places of the groups that others, by the names that the model has for them, are part of.
+    """
+
+    def __init__(
+        self, elements: Elements, make: Callable[[int], V], joined: Mapping[str, int] = MappingProxyType({})
+    ) -> None:
+        self._names = [elements.group_name(g) for g in range(elements.groups)]
+        self._places = {name: g for g, name in enumerate(self._names)}
+        self._plan, self._joined = elements.plan, joined
+        self._make = make
+        self._made: dict[str, V] = {}
+
+    def __getitem__(self, group: str) -> V:
+        if group not in self._made:
+            known = self._places if group in self._places else self._joined
+            if group not in known:
+                raise KeyError(self._unknown(group))
+            self._made[group] = self._make(known[group])
+        return self._made[group]
+
+    def _unknown(self, group: str) -> str:
+        known = group_catalogue(self._plan)
+        try:
+            meant = [name for part in known.regular(group) for name in known.find(part).names]
+        except PathError as error:
+            bare = str(error) == f"{known.missing} `{group}`" and len(known.plain) < MANY
+            names = ", ".join(f"`{known.named(name).shown}`" for name in known.plain)
+            return f"{error}; the groups are {names}" if bare else str(error)
+        return f"`{group}` is {len(meant)} groups: name one, such as `{meant[0]}`, or look at `families`"
+
+    def __contains__(self, group: object) -> bool:
+        return group in self._places
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
 
 
 def family_statistics(elements: Elements, groups: Sequence[GroupTrajectory]) -> tuple[FamilyStats, ...]:

@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hierc.runtime.contract import CONTRACT, Plan
 from hierc.runtime.costs import cost_of
 from hierc.runtime.errors import RunWarning, SettingError
-from hierc.runtime.parameters import catalogue, parameter_vector, places
+from hierc.runtime.parameters import Parameters, ParameterValue, parameter_vector
 from hierc.runtime.paths import Catalogue
 from hierc.runtime.result import Interrupted, Result, SimulationError
 from hierc.runtime.run import Engine
@@ -23,20 +23,6 @@ from hierc.runtime.verification import check_verifiable, verified
 
 Floats = NDArray[np.float64]
 _SETTINGS = {"start": 0.0, "rtol": 1e-6, "method": "auto", "max_step": math.inf, "min_step": 0.0}
-
-
-class ParameterValue(NamedTuple):
-    """A parameter as it stands: its value in the declared unit; `structural` if it is built into the code.
-
-    In an array of agents the values of all, one row an agent (before its own shape); `shown` is the name with the agents' indices, `car[1..100].tau`.
-    """
-
-    value: float | Floats
-    unit: str | None
-    doc: str
-    structural: bool
-    shown: str = ""
-    shape: tuple[int, ...] = ()  # of a single agent's
 
 
 class Model:
@@ -85,17 +71,11 @@ class Model:
 
     @property
     def parameters(self) -> dict[str, ParameterValue]:
-        """All parameters by path, with their values as they stand; those of an array of agents together, one row an agent."""
-        vector, known = self._own.parameters, catalogue(self.plan)
-        result = {}
-        for name in known.plain:
-            selection = known.find(name)
-            p = self.plan.parameters[known.entries(name)[0]]
-            numbers = vector[places(self.plan.parameters, selection)] / p.scale
-            shape = selection.shape + p.shape
-            value = numbers.reshape(shape) if shape else float(numbers[0, 0])
-            result[name] = ParameterValue(value, p.unit, p.doc, p.structural, selection.named.shown, p.shape)
-        return result
+        """All parameters by path, with their values as they stand; those of an array of agents together, one row an agent.
+
+        `parameters["car[2..5].T"]` are those of some, though no key. Raises KeyError for what is no parameter.
+        """
+        return Parameters(self.plan, self._own.parameters)
 
     def __repr__(self) -> str:
         known = Catalogue("", [(g.name, g.count, g.indices) for g in self.plan.groups])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +24,52 @@ _NAN = float("nan")
 _FAULTS = (ZeroDivisionError, ValueError, OverflowError)
 
 
+class ParameterValue(NamedTuple):
+    """A parameter as it stands: its value in the declared unit; `structural` if it is built into the code.
+
+    In an array of agents the values of all, one row an agent (before its own shape); `shown` is the name with the agents' indices, `car[1..100].tau`.
+    """
+
+    value: float | Floats
+    unit: str | None
+    doc: str
+    structural: bool
+    shown: str = ""
+    shape: tuple[int, ...] = ()  # of a single agent's
+    kind: str = "real"
+
+
+class Parameters(dict[str, ParameterValue]):
+    """All parameters by path, those of an array of agents together where their number is the same in all. What names some of them, such as
+    `car[2..5].T`, is found too.
+    """
+
+    def __init__(self, plan: Plan, vector: Floats) -> None:
+        self._plan, self._vector, self._known = plan, vector, catalogue(plan)
+        names = (part for name in self._known.plain for part in self._known.regular(name))
+        super().__init__({name: self._value(self._known.find(name)) for name in names})
+
+    def __missing__(self, path: str) -> ParameterValue:
+        try:
+            selection = self._known.find(path)
+        except PathError as error:
+            raise KeyError(str(error)) from None
+        if selection.subscripts is not None:
+            raise KeyError(f"no parameter `{path}`: `{selection.name}` is found as a whole")
+        return self._value(selection)
+
+    def _value(self, selection: Selection) -> ParameterValue:
+        p = self._plan.parameters[int(selection.named.entry[selection.chosen[0]])]
+        numbers = self._vector[places(self._plan.parameters, selection)] / p.scale
+        shape = selection.shape + p.shape
+        value = numbers.reshape(shape) if shape else float(numbers[0, 0])
+        return ParameterValue(value, p.unit, p.doc, p.structural, selection.shown, p.shape, p.kind)
+
+
 def catalogue(plan: Plan) -> Catalogue:
     """The names of a plan's parameters."""
-    return Catalogue("no parameter", [(p.path, p.count, p.indices) for p in plan.parameters])
+    entries = [(p.path, p.count, p.indices) for p in plan.parameters]
+    return Catalogue("no parameter", entries, [p.shape for p in plan.parameters])
 
 
 def parameter_vector(plan: Plan, given: Mapping[str, object]) -> Floats:
@@ -97,19 +141,19 @@ def _given(plan: Plan, given: Mapping[str, object]) -> list[tuple[Integers, Floa
             raise SettingError(str(error)) from None
         if selection.subscripts is not None:
             raise SettingError(f"no parameter `{path}`: give `{selection.name}` as a whole")
-        parameters = [plan.parameters[k] for k in known.entries(selection.named.plain)]
-        if parameters[0].structural:
+        parameter = plan.parameters[int(selection.named.entry[selection.chosen[0]])]
+        if parameter.structural:
             raise SettingError(
                 f"`{path}` is built into the code of {plan.name}: give it when the model is loaded"
             )
-        found.append((places(plan.parameters, selection), _checked(parameters[0], selection, value)))
+        found.append((places(plan.parameters, selection), _checked(parameter, selection, value)))
     return sorted(found, key=lambda item: -len(item[0]))
 
 
 def places(parameters: Sequence[Parameter], selection: Selection) -> Integers:
     """Where in the parameter vector the scalars of some elements stand: (elements, scalars of each)."""
     named = selection.named
-    size = int(np.prod(parameters[named.entry[0]].shape, dtype=np.int64))
+    size = int(np.prod(parameters[named.entry[selection.chosen[0]]].shape, dtype=np.int64))
     firsts = np.array([p.first for p in parameters], np.int64)[named.entry[selection.chosen]]
     return np.asarray((firsts + size * named.row[selection.chosen])[:, None] + np.arange(size))
 

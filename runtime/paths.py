@@ -75,10 +75,7 @@ class Named:
     @cached_property
     def shown(self) -> str:
         """The path with the ranges of its indices: `car[1..100].x`."""
-        first, *rest = self.path.split("[]")
-        low, high = self.indices.min(axis=0, initial=2**62), self.indices.max(axis=0, initial=0)
-        ranges = [f"[{a}..{b}]" if a < b else f"[{a}]" for a, b in zip(low, high, strict=True)]
-        return first + "".join(r + text for r, text in zip(ranges, rest, strict=True))
+        return _with_ranges(self.path, self.indices)
 
 
 @dataclass(frozen=True)
@@ -98,6 +95,18 @@ class Selection:
     def names(self) -> list[str]:
         """The full name of each element."""
         return self.named.names(self.chosen)
+
+    @property
+    def shown(self) -> str:
+        """The path with the ranges of the indices of these elements."""
+        return _with_ranges(self.named.path, self.named.indices[self.chosen])
+
+
+def _with_ranges(path: str, indices: Integers) -> str:
+    first, *rest = path.split("[]")
+    low, high = indices.min(axis=0, initial=2**62), indices.max(axis=0, initial=0)
+    ranges = [f"[{a}..{b}]" if a < b else f"[{a}]" for a, b in zip(low, high, strict=True)]
+    return first + "".join(r + text for r, text in zip(ranges, rest, strict=True))
 
 
 class Catalogue:

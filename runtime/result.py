@@ -6,13 +6,12 @@ and at any other, steps and counters of each group, files and plots. Nothing is 
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +20,7 @@ from hierc.runtime.columns import median
 from hierc.runtime.contract import Plan, Variable
 from hierc.runtime.elements import Elements, expanded
 from hierc.runtime.errors import SettingError
-from hierc.runtime.families import FamilyStats, family_statistics
+from hierc.runtime.families import ByGroup, FamilyStats, family_statistics
 from hierc.runtime.observation import Variables
 from hierc.runtime.paths import PathError, Selection
 from hierc.runtime.status import Status
@@ -97,34 +96,6 @@ class GroupStats:
     step_min: float
     step_median: float
     step_max: float
-
-
-V = TypeVar("V")
-
-
-class _ByGroup(Mapping[str, V]):
-    """Something for each group, made when it is asked for; an unknown group is explained."""
-
-    def __init__(self, groups: Sequence[str], make: Callable[[int], V]) -> None:
-        self._places = {name: g for g, name in enumerate(groups)}
-        self._make = make
-        self._made: dict[str, V] = {}
-
-    def __getitem__(self, group: str) -> V:
-        if group not in self._made:
-            if group not in self._places:
-                raise KeyError(_unknown("group", group, self._places))
-            self._made[group] = self._make(self._places[group])
-        return self._made[group]
-
-    def __contains__(self, group: object) -> bool:
-        return group in self._places
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._places)
-
-    def __len__(self) -> int:
-        return len(self._places)
 
 
 class Result:
@@ -231,15 +202,11 @@ class Result:
         return self._run.variables.elements
 
     @cached_property
-    def _group_names(self) -> list[str]:
-        return [self._elements.group_name(g) for g in range(len(self._run.groups))]
-
-    @cached_property
     def stats(self) -> Mapping[str, GroupStats]:
-        """Counters and step sizes of each group, in cascade order. Raises KeyError for an unknown group."""
+        """Counters and step sizes of each group, in cascade order. Raises KeyError for an unknown group, or several."""
         states = self._elements.group_states
         groups = self._run.groups
-        return _ByGroup(self._group_names, lambda g: _statistics(groups[g], int(states[g])))
+        return ByGroup(self._elements, lambda g: _statistics(groups[g], int(states[g])))
 
     @cached_property
     def families(self) -> tuple[FamilyStats, ...]:
@@ -248,7 +215,7 @@ class Result:
 
     def steps(self, group: str) -> tuple[Floats, Floats]:
         """Start times and sizes, s, of the steps a group took. Raises KeyError for an unknown group."""
-        knots = _ByGroup(self._group_names, lambda g: self._run.groups[g].knots)[group]
+        knots = ByGroup(self._elements, lambda g: self._run.groups[g].knots)[group]
         return knots[:-1], np.diff(knots)
 
     def __getitem__(self, name: str) -> Floats:
@@ -469,8 +436,3 @@ def _shared(values: Floats) -> Floats:
 
 def _subscript(index: tuple[int, ...]) -> str:
     return f"[{','.join(str(i + 1) for i in index)}]" if index else ""
-
-
-def _unknown(kind: str, name: str, known: Iterable[str]) -> str:
-    close = difflib.get_close_matches(name, list(known), n=1)
-    return f"unknown {kind} `{name}`" + (f"; did you mean `{close[0]}`?" if close else "")

@@ -19,14 +19,13 @@ _DIGITS = 12
 
 def listed(model: Model) -> list[dict[str, Any]]:
     """All parameters as plain data, in the order of the text; values are in `unit`."""
-    kinds = {p.path.replace("[]", ""): p.kind for p in model.plan.parameters}
     types = {"real": float, "int": int, "bool": bool}
     return [
         {
             "name": path,
-            "value": np.asarray(p.value).astype(types[kinds[path]]).tolist(),
+            "value": np.asarray(p.value).astype(types[p.kind]).tolist(),
             "unit": p.unit,
-            "type": kinds[path],
+            "type": p.kind,
             "structural": p.structural,
             "doc": p.doc,
         }

@@ -398,7 +398,7 @@ def test_statistics_of_families(result: Result) -> None:
     starts, sizes = result.steps("car[6]")
     assert len(starts) == each[5].steps
     assert sizes.sum() == pytest.approx(5.0)
-    with pytest.raises(KeyError, match="did you mean"):
+    with pytest.raises(KeyError, match="`car` goes from 1 to 6"):
         result.stats["car[61]"]
 
 
