@@ -73,7 +73,7 @@ def build(
     objects = [cached(store, f"{kernel} {runtime_digest()}", make, announce, what)]
     labels: dict[tuple[Form, str], tuple[str, dict[str, Any]]] = {}
     for form, name in dict.fromkeys(wanted):
-        text = _description(classes, form, name) + ("\ntimed" if timed else "")
+        text = description(classes, form, name) + ("\ntimed" if timed else "")
         label = "g" + hashlib.sha256(text.encode()).hexdigest()[:16]
         make = functools.partial(_form, label, classes, form, methods[name], timed=timed)
         made = cached(store, text, make, None, "")
@@ -82,7 +82,7 @@ def build(
     code = Loaded([o for _, o in objects])
     links = callees.Links(code)
     for (form, _), (label, _) in labels.items():
-        links.add(label, _callees(classes, form))
+        links.add(label, called_by(classes, form))
     pieces = {
         (form, name): Pieces(
             {p.__name__: code.address(f"{label}_{p.__name__}") for p in methods[name].pieces},
@@ -114,7 +114,7 @@ def _form(
     for kind in {call.kind for call in form.calls + form.publishing}:
         check_class(classes[kind])
     unit = Unit(label, timed=timed)
-    unit.callees.update(callees.emit(unit, label, _callees(classes, form)))
+    unit.callees.update(callees.emit(unit, label, called_by(classes, form)))
     composer = Composer(unit, label, form, classes, parse_function, method.lanes)
     made = method.names(composer)
     for piece in method.pieces:
@@ -123,7 +123,7 @@ def _form(
     return facts, unit
 
 
-def _callees(classes: tuple[Class, ...], form: Form) -> dict[str, callees.Callee]:
+def called_by(classes: tuple[Class, ...], form: Form) -> dict[str, callees.Callee]:
     """The tables and externs that the functions of a form call. Classes are of one module, so their names are those of one thing."""
     found: dict[str, callees.Callee] = {}
     for kind in sorted({call.kind for call in form.calls + form.publishing}):
@@ -169,7 +169,7 @@ def _digest(facts: dict[str, Any], code: bytes) -> str:
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode() + b"\n" + code).hexdigest()
 
 
-def _description(classes: tuple[Class, ...], form: Form, method: str) -> str:
+def description(classes: tuple[Class, ...], form: Form, method: str) -> str:
     """Everything that decides the code of a form: the text of all functions it calls, and how they are composed."""
     used = sorted({call.kind for call in form.calls + form.publishing})
     texts = []
@@ -178,7 +178,7 @@ def _description(classes: tuple[Class, ...], form: Form, method: str) -> str:
         sizes = (len(kind.states), kind.inputs, kind.values, kind.outs)
         texts.append(repr((k, sizes, kind.pattern, [(p.outs, p.inputs) for p in kind.parts])))
         texts += [text_of(f) for f in _functions(kind)]
-    for name, callee in _callees(classes, form).items():
+    for name, callee in called_by(classes, form).items():
         texts.append(f"{name}: {callees.description(callee)}")
     return "\n".join([runtime_digest(), method, repr(form), *texts])
 

@@ -203,6 +203,13 @@ def _parser() -> argparse.ArgumentParser:
         action=_Once,
         help="write .svg, .png, .pdf, .dot or .json instead of a table",
     )
+    bench = commands.add_parser(
+        "bench",
+        parents=[file, chosen, report],
+        help="compare with other solvers at equal achieved error",
+        allow_abbrev=False,
+    )
+    _add_bench_options(bench)
     page = commands.add_parser("explain", help="explain the code of a problem", allow_abbrev=False)
     page.add_argument(
         "code", metavar="CODE", nargs="?", help="such as E601; without it, all codes are listed"
@@ -218,6 +225,32 @@ def _add_fmt_options(fmt: argparse.ArgumentParser) -> None:
     fmt.add_argument("--check", action="store_true", help="write nothing; exit with 1 if a file would change")
     fmt.add_argument("--diff", action="store_true", help="write nothing; print what would change")
     fmt.add_argument("--width", type=int, default=100, metavar="COLUMNS", help="of a line; default 100")
+
+
+def _add_bench_options(bench: argparse.ArgumentParser) -> None:
+    seconds = {"type": _number, "metavar": "SECONDS"}
+    bench.add_argument("--start", **seconds, help="default 0")  # type: ignore[arg-type]
+    bench.add_argument("--stop", **seconds, help="default: the experiment's")  # type: ignore[arg-type]
+    bench.add_argument("--max-step", **seconds, help="default: none")  # type: ignore[arg-type]
+    bench.add_argument(
+        "--tolerances",
+        type=_tolerances,
+        metavar="LIST",
+        help="relative and absolute, separated by commas; default 1e-2,1e-3,...,1e-10",
+    )
+    bench.add_argument(
+        "--time-limit", type=_number, metavar="SECONDS", default=60.0, help="of a single run; default 60"
+    )
+    bench.add_argument(
+        "-o", dest="output", metavar="FILE", action=_Once, help="draw time over error to .png, .pdf or .svg"
+    )
+
+
+def _tolerances(text: str) -> tuple[float, ...]:
+    found = tuple(map(_number, text.split(",")))
+    if not all(1e-14 <= tolerance < 1.0 for tolerance in found):
+        raise argparse.ArgumentTypeError(f"tolerances are between 1e-14 and 1, not `{text}`")
+    return found
 
 
 def _add_run_options(run: argparse.ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""The commands of the command line: `run`, `check`, `params`, `compile`, `graph`, `fmt`, `explain`.
+"""The commands of the command line: `run`, `bench`, `check`, `params`, `compile`, `graph`, `fmt`, `explain`.
 
 Each takes the parsed arguments and returns an exit code. What the user got wrong is a UsageError or a ModelError; cli.py words the rest.
 """
@@ -115,6 +115,44 @@ def run(arguments: Namespace) -> int:
     elif outputs.stdout and result.t_reached > result.start:
         print_csv(sys.stdout, result.t, result.columns())
     return code
+
+
+def bench(arguments: Namespace) -> int:
+    """Compare our runs of an experiment with other solvers at equal error."""
+    from importlib.util import find_spec
+
+    if find_spec("scipy") is None:
+        raise UsageError("hierc bench compares with scipy's solvers: pip install scipy")
+    from hierc import bench, bench_plot
+    from hierc.runtime.plotting import SUFFIXES, require_matplotlib
+
+    path = Path(arguments.output) if arguments.output else None
+    if path is not None:
+        check_writable(path, SUFFIXES)
+        try:
+            require_matplotlib()
+        except ImportError as error:
+            raise UsageError(str(error)) from None
+    params = parse_params(arguments.params)
+    model = loader.prepare(loader.read_file(arguments.file), arguments.experiment, params).model
+    given = {"start": arguments.start, "stop": arguments.stop, "max_step": arguments.max_step}
+    settings = {"start": 0.0, "max_step": math.inf, "stop": None}
+    settings |= {k: v for k, v in model.plan.experiment.settings.items() if k in settings}
+    settings |= {k: v for k, v in given.items() if v is not None}
+    if settings["stop"] is None:
+        raise UsageError(
+            "how long should it run? give --stop SECONDS, or name an experiment that has a `stop`"
+        )
+    found = bench.bench(model, settings, arguments.tolerances or bench.TOLERANCES, arguments.time_limit, say)
+    if arguments.json:
+        _print_json(asdict(found))
+    else:
+        sys.stdout.write(bench.report(found))
+    if path is not None:
+        with writing(path):
+            bench_plot.draw(found, path)
+        say(f"written: {path}")
+    return OK
 
 
 def graph(arguments: Namespace) -> int:
