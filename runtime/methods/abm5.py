@@ -40,6 +40,8 @@ LATER = Fraction(251, 456)
 MOST_REJECTIONS, MOST_TRIALS = 60, 3
 #: A longer step must be worth a new history: where a new way to a knot begins, and on the way.
 WORTHWHILE, ON_THE_WAY = 1.05, 1.5
+#: A step that need not be shorter than this part of itself is kept.
+KEPT = 0.8
 #: Steps of a new size before it may grow: an unstable one takes a while to show.
 HELD = 5.5
 #: After a failed trial steps stay below this part of its size, which each step raises by so much: so a size that stability limits is found, not tried again and again.
@@ -47,12 +49,15 @@ LOWERED, RAISED = 0.8, 1.01
 #: Sizes that differ by less than this part of them are the same, but for rounding.
 _SAME = 1e-9
 _SAFETY = 0.8
+#: An error that allows a step of twice the size.
+_TINY = (_SAFETY / 2.0) ** 5
 #: The method of the first steps; a last coefficient of zero gives its polynomials our degree.
 _START = Explicit(replace(TSIT5, dense=(*TSIT5.dense, (0.0,) * len(TSIT5.nodes))))
 
 if TYPE_CHECKING:  # given by step_names
     STAGES: int
     SAFETY: float
+    TINY: float
     SAME: float
 
 
@@ -174,8 +179,10 @@ def close(g: Group, groups: Array[Group], error: float) -> None:
 def propose(g: Group, error: float) -> None:
     """The next step's size. It may grow once a longer step has had time to show whether it is stable."""
     factor = 2.0
-    if error > 0.0:
-        factor = min(2.0, max(0.2, SAFETY * power(error, -1.0 / g.order)))
+    if error > TINY:
+        factor = max(0.2, SAFETY * power(error, -1.0 / g.order))
+        if factor > KEPT and factor < 1.0:
+            factor = 1.0
     if g.trial > WORTHWHILE * g.previous:
         g.grown = g.t
     if g.rejections > 0 or g.end - g.grown < HELD * g.trial:
@@ -242,7 +249,7 @@ class ABM5:
 
     def step_names(self) -> Mapping[str, Any]:
         """Sizes and nodes of the first steps' method, and what is our own."""
-        return {**_START.step_names(), "SAFETY": _SAFETY, "SAME": _SAME}
+        return {**_START.step_names(), "SAFETY": _SAFETY, "TINY": _TINY, "SAME": _SAME}
 
     def names(self, composer: Composer) -> Names:
         """Tables, workspace and the functions of one form."""
