@@ -47,7 +47,7 @@ class GroupTrajectory:
     def coefficients(self) -> Floats:
         """Coefficients (k, n, degree + 1) of the states in theta = (t - t0)/h, lowest power first."""
         n = len(self.initial)
-        places = self.table[:, HEADER : HEADER + n * self.width].reshape(-1, n, self.width)
+        places = self.table[:, HEADER : HEADER + n * self.width].reshape(len(self.table), n, self.width)
         return places[:, :, : self.degree + 1]
 
     def __call__(self, t: Floats) -> Floats:

@@ -33,6 +33,7 @@ from hierc.runtime.machine.dialect import (
     total,
     unroll,
 )
+from hierc.runtime.machine.split import switches
 from hierc.runtime.machine.types import LaneConstant, LaneTable
 from hierc.runtime.methods.method import Names, Piece
 from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
@@ -60,8 +61,9 @@ if TYPE_CHECKING:  # given by Fit.names
 
 #: Lanes of a value, one more than the polynomial's degree.
 _LANES = 8
-#: A step that is so many times as long as a segment of what it reads is made shorter: of as many equal parts, each holds a place that is looked at.
-MOST_SEGMENTS = 8
+#: A step that is so many times as long as a segment of what it reads is made shorter: of as many equal parts, each holds a place that is looked at. Where
+#: what is computed has branches, these parts are shorter than the segments: another agent may be the largest for a part of one of its own only.
+MOST_SEGMENTS, MOST_SEGMENTS_OF_BRANCHES = 8, 2
 #: Failed trials of one step before what is computed is blamed.
 MOST_REJECTIONS = 60
 #: Steps that are smaller than usual ones by this factor are taken to come to a jump; at a kink, as an extreme has, they need not be as small.
@@ -146,6 +148,7 @@ def step(g: Group, groups: Array[Group]) -> float:
         if not covered(g, groups, g.t):
             return WAITING
         begin_with(g, shortest(g, groups))
+    most = MOST_SEGMENTS if g.linear == 1 else MOST_SEGMENTS_OF_BRANCHES
     least = 2.0 * SMALLEST * 2.220446049250313e-16 * max(abs(g.t), abs(g.stop))
     while True:
         if not propose_end(g):
@@ -153,8 +156,8 @@ def step(g: Group, groups: Array[Group]) -> float:
         if not covered(g, groups, g.end):
             return WAITING
         segments = read_inputs(g, groups, g.t + g.trial * PLACES, g.t, g.end, g.u)
-        if segments > MOST_SEGMENTS and g.trial > least:
-            g.h = max(g.trial * (0.9 * MOST_SEGMENTS / segments), least)
+        if segments > most and g.trial > least:
+            g.h = max(g.trial * (0.9 * most / segments), least)
             continue
         read_inputs(g, groups, g.t + g.trial * CHECKED, g.t, g.end, at(g.u, g.inputs))
         invoke(g.attempt, g)
@@ -266,7 +269,9 @@ class Fit:
             "TO_POWERS": LaneTable(_rows(np.eye(_LANES))),
             "publish": composer.publish(),
         }
-        return Names(names, 3 * published * _LANES, linear=True)
+        parts = {composer.classes[call.kind].parts[call.part].function for call in composer.form.publishing}
+        smooth = not any(switches(composer.definitions(part)) for part in parts)
+        return Names(names, 3 * published * _LANES, linear=smooth)
 
 
 def _places() -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -146,8 +146,9 @@ def a_plan(
 
 
 def _with_calls(plan: Plan, elements: Elements, group: Group, home: set[int]) -> Group:
-    """The group with its calls: the outs of its own or of stateless nodes that it needs, then its right-hand sides."""
+    """The group with its calls: the outs of its own or of stateless nodes that it needs, and of those of them that it has, then its right-hand sides."""
     own = set(group.nodes)
+    moving = [n for n in group.nodes if plan.classes[plan.nodes[n].kind].states]
 
     def inside(node: int) -> bool:
         return node in own or node not in home
@@ -155,8 +156,9 @@ def _with_calls(plan: Plan, elements: Elements, group: Group, home: set[int]) ->
     wanted = [
         (n, k) for m in group.nodes for n, what, k in plan.nodes[m].sources if what == "out" and inside(n)
     ]
+    wanted += [(n, k) for n in own.difference(moving) for k in range(plan.classes[plan.nodes[n].kind].outs)]
     calls = elements.order_parts(wanted, inside)
-    return replace(group, calls=(*calls, *((n, -1) for n in group.nodes)))
+    return replace(group, calls=(*calls, *((n, -1) for n in moving)))
 
 
 def a_model(*args: Any, **kwargs: Any) -> Model:

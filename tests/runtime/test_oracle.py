@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from running import METHODS as NAMES
-from small_models import ARM, OSCILLATOR, VAN_DER_POL, At, a_model
+from small_models import ARM, OSCILLATOR, VAN_DER_POL, At, a_class, a_model
 
 from hierc.runtime import kernel, records
 from hierc.runtime.machine.calls import CallForm
@@ -19,11 +19,12 @@ from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array
 from hierc.runtime.machine.types import Emitted, LaneConstant, LaneTable
 from hierc.runtime.machine.unit import Unit, parse_function
-from hierc.runtime.methods import abm5, abm5_pieces, adams, adams_pieces, explicit, radau, radau_pieces
+from hierc.runtime.methods import abm5, abm5_pieces, adams, adams_pieces, explicit, fit, radau, radau_pieces
 from hierc.runtime.methods.abm5 import ABM5
 from hierc.runtime.methods.adams import Adams
-from hierc.runtime.methods.catalogue import METHODS
+from hierc.runtime.methods.catalogue import METHODS, every_method
 from hierc.runtime.methods.explicit import Explicit
+from hierc.runtime.methods.fit import Fit
 from hierc.runtime.methods.radau import Radau
 from hierc.runtime.model import Model
 from hierc.runtime.segments import HEADER
@@ -37,6 +38,7 @@ MODULES: dict[type, tuple[ModuleType, ...]] = {
     Explicit: (explicit,),
     Adams: (adams_pieces, adams),
     ABM5: (explicit, abm5_pieces, abm5),
+    Fit: (fit,),
 }
 
 
@@ -62,7 +64,7 @@ class Equations:
         self.call: CallForm = form.calls[-1]
         self.publishing, self.published = form.publishing, form.published
         self.kind = simulation.elements.plan.classes[self.call.kind]
-        self.method = METHODS[simulation.settings[g].method]
+        self.method = every_method()[simulation.settings[g].method]
         self.n = form.states
         if isinstance(self.method, Radau):
             self.eigenvalues = np.array(self.method.tables.eigenvalues)
@@ -132,7 +134,7 @@ def python_value(value: Any) -> Any:
 def python_group(simulation: Simulation, g: int) -> SimpleNamespace:
     """A group's record as an object: numbers from the machine's own record, memory as numpy arrays, pieces as functions."""
     settings, form = simulation.settings[g], simulation.wiring[g].form
-    method = METHODS[settings.method]
+    method = every_method()[settings.method]
     record = SimpleNamespace()
     for name, kind in records.Group.fields().items():
         is_array = getattr(kind, "__origin__", None) is Array
@@ -164,7 +166,7 @@ def python_group(simulation: Simulation, g: int) -> SimpleNamespace:
         SimpleNamespace(group=o, first=owners.index(o), count=owners.count(o), cursor=0)
         for o in dict.fromkeys(owners)
     ]
-    widths = [METHODS[m].width for m in simulation.settings.methods]
+    widths = [every_method()[m].width for m in simulation.settings.methods]
     record.channels = [
         HEADER + c * widths[o] for o, c in zip(owners, wiring.channels[0].tolist(), strict=True)
     ]
@@ -230,3 +232,28 @@ def test_a_reader_and_its_writer(writer: str, reader: str) -> None:
     model = a_model(nodes, None, {"o.w": 2.0, "a.k": 1.0, "a.d": 0.5, "b.k": 2.0, "b.d": 0.3})
     for attempts in (1, 9, 30, 1000):  # paused at different places, and to the end
         beside(model, [writer, writer, reader], attempts)
+
+
+#: A product of two inputs and the time.
+PRODUCT = a_class(
+    "Product",
+    {},
+    {(0, 0): "u[1]*t", (0, 1): "u[0]*t"},
+    inputs=2,
+    outs=[("u[0]*u[1]*t", (0, 1))],
+)
+
+
+@pytest.mark.parametrize("method", NAMES)
+def test_a_group_without_states(method: str) -> None:
+    """It reads a state and a published out, and is read."""
+    nodes = {
+        "o": At(OSCILLATOR, (), 1),
+        "a": At(ARM, ((0, "state", 0), (0, "state", 1)), 2),
+        "p": At(PRODUCT, ((0, "state", 0), (1, "out", 1))),
+        "b": At(ARM, ((2, "out", 0), (0, "state", 1)), 2),
+    }
+    groups = {name: [name] for name in nodes}
+    model = a_model(nodes, groups, {"o.w": 2.0, "a.k": 1.0, "a.d": 0.5, "b.k": 2.0, "b.d": 0.3})
+    for attempts in (4, 30, 1000):
+        beside(model, [method] * 4, attempts)
