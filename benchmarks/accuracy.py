@@ -68,7 +68,7 @@ def _cell(error: float | None) -> str:
 
 def _of_case(case: Case, method: str) -> Iterator[float | None]:
     truth, t = reference(case), output_times(case)
-    model = hierc.load(case.model)
+    model = case.load()
     for tolerance in TOLERANCES:
         try:
             r = model.simulate(case.stop, tolerance, tolerance, method=method)

@@ -5,10 +5,13 @@ All quantities are SI. The hand-written form gives the reference solution and wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from math import cos, pi, sin
 from pathlib import Path
+
+import hierc
+from hierc.runtime.model import Model
 
 _MODELS = Path(__file__).parent / "models"
 
@@ -28,6 +31,11 @@ class Case:
     rhs: Callable[[float, Vector], list[float]]
     reference_steps: int  # of the reference solution, between two output times
     peer_name: str  # what the peers' scripts call it
+    params: Mapping[str, int] = field(default_factory=dict)  # structural parameters of the model
+
+    def load(self) -> Model:
+        """The model, compiled."""
+        return hierc.load(self.model, params=self.params)
 
 
 # ---- cart: a planner, a kinematic unicycle, and two rigid-body carts that chase what is above them ----
@@ -100,6 +108,44 @@ def chain(t: float, y: Vector) -> list[float]:
     return result
 
 
+# ---- platoon: a leader and cars, each with an engine and a throttle of its own --------------------------
+
+
+def platoon(t: float, y: Vector) -> list[float]:
+    """Right-hand side (2 + 4N,) of a platoon."""
+    r0, v0 = y[0], y[1]
+    pull = 0.6 * cos(0.3 * t) + 0.4 * cos(0.11 * t)
+    result = [v0, pull]
+    ahead: Vector = (r0, v0, pull)
+    for k in range(2, len(y), 4):
+        r, v, a, u = y[k : k + 4]
+        i = (k + 2) // 4
+        wish = 0.5 * (ahead[2] + pull) + ahead[1] + v0 - 2 * v + 0.5 * (ahead[0] + r0) - r
+        throttle = 20 * 10 ** (i % 5 / 4) * (wish - u)
+        result += [v, a - 5e-4 * (40 * v + v * v), (u - a) * (1 + i % 7) / 0.3, throttle]
+        ahead = (r, v, a)
+    return result
+
+
+def _platoon(count: int, reference_steps: int) -> Case:
+    cars = range(1, count + 1)
+    start = [0.0, 0.0]
+    for i in cars:
+        start += [0.5 * sin(1.7 * i), 0.3 * cos(2.3 * i), 0.0, 0.0]
+    return Case(
+        name=f"platoon{count}",
+        title=f"a leader and {count} cars, {len(start)} states, 60 s",
+        model=_MODELS / "platoon.hier",
+        stop=60.0,
+        states=("lead.r", "lead.v", *(f"car[{i}].{state}" for i in cars for state in "rvau")),
+        start=tuple(start),
+        rhs=platoon,
+        reference_steps=reference_steps,
+        peer_name=f"platoon{count}",
+        params={"N": count},
+    )
+
+
 _CART = ("x", "y", "th", "v", "om", "tau[1]", "tau[2]")
 CASES = {
     case.name: case
@@ -143,6 +189,19 @@ CASES = {
             rhs=chain,
             reference_steps=100,
             peer_name="chain_4_8_0",
+        ),
+        _platoon(10, 100),
+        _platoon(100, 100),
+        Case(
+            name="costly",
+            title="the chain with right-hand sides of 400 operations more",
+            model=_MODELS / "costly.hier",
+            stop=20.0,
+            states=tuple(f"{agent}.{state}" for agent in "abcd" for state in "qp"),
+            start=(1, 0, 1, 0, 1, 0, 1, 0),
+            rhs=chain,  # what it does more changes nothing
+            reference_steps=100,
+            peer_name="chain_4_8_400",
         ),
     )
 }

@@ -24,7 +24,6 @@ from measure import Collected, Run, sweep
 from peers import Peers
 from reference import Reference, reference
 
-import hierc
 from hierc.runtime.methods.catalogue import METHODS
 
 #: Two a decade, the same for everybody.
@@ -65,7 +64,7 @@ def _measure(
     case: Case, solution: Reference, options: argparse.Namespace, peers: Peers | None
 ) -> tuple[Run, ...]:
     """All runs of a problem: hierc's before, between and after those of the peers."""
-    model = hierc.load(case.model)
+    model = case.load()
     collected = Collected()
     for _ in range(options.rounds):
         for peer in options.peers if peers else ():

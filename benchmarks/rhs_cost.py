@@ -19,7 +19,6 @@ from cases import CASES, Case
 from document import put
 from tables import markdown
 
-import hierc
 from hierc.runtime.contract import Group, Plan
 from hierc.runtime.elements import expand
 from hierc.runtime.machine.compose import Composer
@@ -52,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     head = ["ns an evaluation", "plain Python", *(f"{n} lanes" for n in _LANES), f"a lane of {_LANES[-1]}"]
     rows = []
     for case in CASES.values():
-        model = hierc.load(case.model)
+        model = case.load()
         lanes = [_machine_code(model, count) for count in _LANES]
         found = [_plain(model), *lanes, lanes[-1] / _LANES[-1]]
         if by_hand:

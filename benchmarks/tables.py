@@ -10,6 +10,9 @@ from collections.abc import Iterable, Sequence
 
 from measure import Run
 
+#: Groups whose evaluations are told one by one.
+_SHOWN = 6
+
 
 def cheapest(runs: Iterable[Run], target: float) -> Run | None:
     """The run with least CPU time among those with an error of at most `target`."""
@@ -38,10 +41,13 @@ def work(runs: Sequence[Run], targets: Sequence[float]) -> str:
     rows = []
     for label, chosen in [("hierc, auto", _of(ours, "auto")), *((m, _of(peers, m)) for m in _methods(peers))]:
         found = [cheapest(chosen, t) for t in targets]
-        rows.append(
-            [label, *("-" if run is None else " + ".join(map(str, run.evaluations)) for run in found)]
-        )
+        rows.append([label, *("-" if run is None else _sum(run.evaluations) for run in found)])
     return markdown(["evaluations at error", *(f"{t:.0e}" for t in targets)], rows)
+
+
+def _sum(counts: Sequence[int]) -> str:
+    """Of each group; of many, all together."""
+    return " + ".join(map(str, counts)) if len(counts) <= _SHOWN else f"{sum(counts)} in {len(counts)} groups"
 
 
 def every_run(runs: Sequence[Run]) -> str:
