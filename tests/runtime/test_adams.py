@@ -15,6 +15,7 @@ from running import run
 from small_models import OSCILLATOR, PENDULUM, At, a_class, a_model
 from test_orders import SPEAKER, TRACKER, WARP, observed, rotation, tracker, warp
 
+import hierc
 from hierc.runtime.contract import Class
 from hierc.runtime.methods import adams, adams_pieces
 from hierc.runtime.methods.adams import Adams
@@ -33,7 +34,9 @@ def a_group() -> SimpleNamespace:
     """What `coefficients` sees of a group before its first step."""
     g = SimpleNamespace(work=np.zeros((FIRST, 1)), regular=1, alike=0, previous=0.0, trial=0.0)
     constants = {"EQUAL_STEPS": adams.equal_steps(), "LEFT_OUT": adams.left_out()}
-    FunctionType(begin_tables.__code__, {**vars(adams_pieces), **constants})(g.work)  # as the lowering binds it
+    FunctionType(begin_tables.__code__, {**vars(adams_pieces), **constants})(
+        g.work
+    )  # as the lowering binds it
     return g
 
 
@@ -277,3 +280,25 @@ def test_a_jump_lowers_the_order() -> None:
     assert orders[: at - 40].max() >= 5
     assert orders[at - 2 : at + 4].min() <= 2
     assert orders[at + 30 :].max() >= 5
+
+
+# ---- models ------------------------------------------------------------------------------------
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize(
+    ("name", "params", "stop"),
+    [("cart", {}, 10.0), ("platoon", {"N": 4}, 60.0), ("quadrotor", {}, 6.0)],
+    ids=str,
+)
+def test_models_of_the_gallery(name: str, params: dict[str, float], stop: float) -> None:
+    """At most ten times the tolerance, beside a run of the implicit method of order 13 that goes nearly to rounding."""
+    model = hierc.load(name, params=params)
+    t = np.linspace(0.0, stop, 301)
+    truth = model.simulate(stop=stop, rtol=1e-12, atol=1e-12, method="radau13")
+    for tolerance in (1e-4, 1e-6, 1e-8, 1e-10):
+        found = model.simulate(stop=stop, rtol=tolerance, atol=tolerance, method="adams")
+        for state in model.states:
+            exact = truth(state, t)
+            size = np.abs(exact).max() + 1.0
+            assert np.abs(found(state, t) - exact).max() <= 10 * tolerance * size, state
