@@ -30,7 +30,7 @@ class Elements:
 
     def blocks(self, numbers: Integers) -> Integers:
         """The block of each element."""
-        return np.searchsorted(self._first_column, numbers, side="right") - 1
+        return slots_of(self._first_column, numbers)
 
     def touched(self, source: Source, count: int) -> list[tuple[int, int]]:
         """The blocks that a source of `count` elements lies in, each with the indices it has there; every pair once."""
@@ -38,7 +38,7 @@ class Elements:
             block = self.block(source.node)
             if isinstance(source.index, int):
                 return [(block, source.index)]
-            return [(block, index) for index in np.unique(source.index.values).tolist()]
+            return [(block, index) for index in distinct(source.index.values).tolist()]
         blocks = self.blocks(source.node.values)
         if isinstance(source.index, int):
             return [(block, source.index) for block in distinct(blocks).tolist()]
@@ -46,9 +46,19 @@ class Elements:
         return [(block, index) for block, index in pairs.T.tolist()]
 
 
+def slots_of(firsts: Integers, numbers: Integers) -> Integers:
+    """For each number the last place in `firsts`, which ascend, that has no greater one. Nothing is searched where all have the same."""
+    if numbers.size:
+        low, high = np.searchsorted(firsts, [numbers.min(), numbers.max()], side="right").tolist()
+        if low == high:
+            return np.full(numbers.shape, low - 1)
+    return np.searchsorted(firsts, numbers, side="right") - 1
+
+
 def distinct(values: Integers) -> Integers:
     """The different integers of a column, ascending: as np.unique, but nothing is sorted that stands in order."""
-    heads = values[np.flatnonzero(np.diff(values, prepend=values[0] - 1))]
+    changes = np.flatnonzero(values[1:] != values[:-1])
+    heads = values[np.concatenate(([0], changes + 1))] if len(changes) else values[:1]
     return heads if (heads[1:] > heads[:-1]).all() else np.unique(heads)
 
 

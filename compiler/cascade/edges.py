@@ -53,7 +53,9 @@ class Edges:
         parts = self.parts[: self.labels]
         order = np.argsort(parts, kind="stable")
         _, starts, counts = np.unique(parts[order], return_index=True, return_counts=True)
-        return [np.sort(order[s : s + c]) for s, c in zip(starts, counts, strict=True) if c > 1]
+        several = counts > 1
+        ends = starts + counts
+        return [np.sort(order[s:e]) for s, e in zip(starts[several], ends[several], strict=True)]
 
     def shortest_cycle(self, labels: Integers) -> list[tuple[int, Span]]:
         """A shortest closed path through the first of some labels that need each other: labels, with the places where each reads the next."""

@@ -136,6 +136,9 @@ def _alike(
             read = expanded(here.node.inputs[k].node, here.node.count)[elements - here.node.first]
             own = labels.of_element[read] == labels.of_element[elements]
             marks += list(own.reshape(len(everything), -1).T.astype(np.int64))
+    marks = [mark for mark in marks if (mark != mark[0]).any()]
+    if not marks:
+        return [everything]
     _, kinds = np.unique(np.stack(marks), axis=1, return_inverse=True)
     kinds = kinds.reshape(-1)
     ranked = sorted(set(kinds.tolist()), key=lambda kind: int(np.argmax(kinds == kind)))

@@ -29,7 +29,11 @@ def column(of: Column) -> Target:
             "Steps", tuple(Constant(n) for n in (int(values[0]), int(steps[0]))[: 1 + (steps[0] != 1)])
         )
     text = packed(values)
-    if len(values) * 3 > len(text) and len(str(values.tolist())) > len(f"Packed('{text}')"):
+    least, length = (
+        3 * len(values),
+        len(f"Packed('{text}')"),
+    )  # a list takes three letters for each number, or more
+    if least > length or (least > len(text) and len(str(values.tolist())) > length):
         return Call("Packed", (Constant(text),))
     return Tuple(tuple(Constant(n) for n in values.tolist()))
 

@@ -16,9 +16,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from hierc.compiler.arrays.columns import Integers, expanded
-from hierc.compiler.arrays.domains import Domain
-from hierc.compiler.arrays.elements import spelled
+from hierc.compiler.arrays.columns import Index, Integers, expanded
+from hierc.compiler.arrays.elements import distinct, slots_of, spelled
 from hierc.compiler.cascade.graphs import components
 from hierc.compiler.collector import Collector
 from hierc.compiler.equations.errors import AlgebraicLoop, DerivativeInInitialValue, InitialLoop, LoopStep
@@ -45,11 +44,11 @@ def check_loops(flat: Flat, problems: Collector) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Use:
-    """An edge: elements of some vertex use those of vertex `used` at `span`. `at`: which, one for each; None for the same, or the only one."""
+    """An edge: elements of some vertex use those of vertex `used` at `span`. `at`: what each of them gathers; None for the same, or the only one."""
 
     used: int
     span: Span
-    at: Integers | None = None
+    at: Index | None = None
 
 
 #: A vertex and one of its elements.
@@ -72,16 +71,14 @@ class _Graph:
         self._first_state = len(flat.definitions)
         self._domains = [d.domain for d in flat.definitions]
         self._domains += [flat.nodes[s.node].instance.domain for s in flat.states]
+        self._firsts = [d.first for d in flat.definitions] + [s.first for s in flat.states]
         self._state_firsts = np.array([s.first for s in flat.states], np.int64)
         self._algebraic = [i for i, d in enumerate(flat.definitions) if d.owner is not None]
         self._algebraic_firsts = np.array([flat.definitions[i].first for i in self._algebraic], np.int64)
-        self._edges = [self._uses(d.value, d.span, d.domain) for d in flat.definitions]
-        self._edges += [
-            self._uses(e, s.rate_span, self._domains[self._first_state + i])
-            for i, (e, s) in enumerate(zip(expressions, flat.states, strict=True))
-        ]
+        self._edges = [self._uses(d.value, d.span) for d in flat.definitions]
+        self._edges += [self._uses(e, s.rate_span) for e, s in zip(expressions, flat.states, strict=True)]
 
-    def _uses(self, expr: Expr, span: Span, domain: Domain) -> list[_Use]:
+    def _uses(self, expr: Expr, span: Span) -> list[_Use]:
         found: list[_Use] = []
         for leaf in leaves(expr):
             if isinstance(leaf, Local):
@@ -89,20 +86,19 @@ class _Graph:
             elif isinstance(leaf, self._counted):
                 found.append(_Use(self._first_state + leaf.index, leaf.span or span))
             elif isinstance(leaf, Gather) and leaf.kind in (self._kind, "algebraic"):
-                found += self._gathered(leaf, leaf.span or span, domain)
+                found += self._gathered(leaf, leaf.span or span)
         return found
 
-    def _gathered(self, leaf: Gather, span: Span, domain: Domain) -> list[_Use]:
-        """The edges to scalars of other elements, one for each vertex that has some of them. Where an element uses none of it, `at` is -1."""
+    def _gathered(self, leaf: Gather, span: Span) -> list[_Use]:
+        """The edges to scalars of other elements, one for each vertex that has some of them."""
         algebraic = leaf.kind == "algebraic"
         firsts = self._algebraic_firsts if algebraic else self._state_firsts
-        numbers = expanded(leaf.at, domain.count)
-        slots = np.searchsorted(firsts, numbers, side="right") - 1
-        found = []
-        for slot in np.unique(slots).tolist():
-            vertex = self._algebraic[slot] if algebraic else self._first_state + slot
-            found.append(_Use(vertex, span, np.where(slots == slot, numbers - firsts[slot], -1)))
-        return found
+        slots = slots_of(firsts, expanded(leaf.at, 1))
+        vertices = (
+            self._algebraic[slot] if algebraic else self._first_state + slot
+            for slot in distinct(slots).tolist()
+        )
+        return [_Use(vertex, span, leaf.at) for vertex in vertices]
 
     def loops(self) -> list[tuple[LoopStep, ...]]:
         """One closed path for each set of scalars that need each other."""
@@ -145,9 +141,10 @@ class _Graph:
 
     def _elements(self, vertex: int, use: _Use) -> Integers:
         """For each element of a vertex, the element that it uses; -1 for none."""
-        if use.at is not None:
-            return use.at
         count = self._domains[vertex].count
+        if use.at is not None:
+            own = expanded(use.at, count) - self._firsts[use.used]
+            return np.where((own >= 0) & (own < self._domains[use.used].count), own, -1)
         return np.arange(count) if self._domains[use.used].count > 1 else np.zeros(count, np.int64)
 
     def _shortest_cycle(self, start: _Place, inside: set[_Place]) -> list[tuple[_Place, Span]]:

@@ -88,17 +88,26 @@ class FanIns:
         self, operation: Reduction, kind: Kind, scalars: Integers, around: Instance, span: Span
     ) -> Integers:
         """Nodes that join a few columns each; their variables, one a row for each."""
-        rows, width = scalars.shape
+        width = scalars.shape[1]
         count = -(-width // WIDTHS[operation])
+        if (
+            operation != "add"
+        ):  # an extreme may join the last one again and again: so all its nodes are of one form
+            again = np.minimum(np.arange(count * WIDTHS[operation]), width - 1)
+            return self._nodes(operation, kind, scalars[:, again], count, around, span)
         small, large = width // count, width % count  # `large` nodes join one more
-        parts = []
-        for nodes, size, first in ((large, small + 1, 0), (count - large, small, large * (small + 1))):
-            if nodes:
-                columns = scalars[:, first : first + nodes * size].reshape(-1, size)
-                sizes, places = np.full(len(columns), size), np.repeat(np.arange(rows), nodes)
-                made = self._block(operation, kind, columns, sizes, places, around, span)
-                parts.append(made.reshape(-1, nodes))
+        middle = large * (small + 1)
+        parts = [self._nodes(operation, kind, scalars[:, :middle], large, around, span)] if large else []
+        parts.append(self._nodes(operation, kind, scalars[:, middle:], count - large, around, span))
         return np.concatenate(parts, axis=1)
+
+    def _nodes(
+        self, operation: Reduction, kind: Kind, scalars: Integers, count: int, around: Instance, span: Span
+    ) -> Integers:
+        """`count` nodes for each row of `scalars`, which join equal parts of it."""
+        columns = scalars.reshape(len(scalars) * count, -1)
+        sizes, places = np.full(len(columns), columns.shape[1]), np.repeat(np.arange(len(scalars)), count)
+        return self._block(operation, kind, columns, sizes, places, around, span).reshape(-1, count)
 
     def _block(
         self,

@@ -13,8 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from hierc.compiler.arrays.columns import Column, Index, column
-from hierc.compiler.arrays.elements import Elements
+from hierc.compiler.arrays.columns import Column, Index, added, column
+from hierc.compiler.arrays.elements import Elements, slots_of
 from hierc.compiler.expression import Expr, Gather, Input, Local, Parameter, Rate, State
 from hierc.compiler.model import Definition, Node, Source, StateEquation, Variable
 from hierc.compiler.shapes.terms import rewritten
@@ -105,7 +105,11 @@ class _Places:
 
     def _found(self, table: _Table, at: Index, kind: Kind) -> tuple[Index, Kind, Index]:
         numbers = at.values if isinstance(at, Column) else np.array([at])
-        slots = np.searchsorted(table.firsts, numbers, side="right") - 1
+        slots = slots_of(table.firsts, numbers)
+        if (slots == slots[0]).all():
+            slot = int(slots[0])
+            shift = self.first[int(table.nodes[slot])] - int(table.firsts[slot])
+            return added(at, shift), kind, int(table.places[slot])
         elements = np.array(self.first)[table.nodes[slots]] + numbers - table.firsts[slots]
         return column(elements), kind, column(table.places[slots])
 
