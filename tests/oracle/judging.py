@@ -9,8 +9,9 @@ import ast
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from plain.interpreter import Interpreter
 
 from hierc.compiler.driver import compile_source
+from hierc.compiler.imports.modules import Missing
 from hierc.grammar.formatting import format_source
 from hierc.grammar.parser import parse
 from hierc.grammar.source import SourceFile
@@ -26,6 +28,8 @@ from hierc.loader import run_module
 from hierc.runtime.elements import expanded, index_table, numbered
 from hierc.runtime.machine.unit import parse_function
 from hierc.runtime.model import Model
+
+HERE = Path(__file__).parent
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Any]
@@ -41,12 +45,29 @@ class Different(AssertionError):
 
 
 @dataclass(frozen=True)
+class Files:
+    """A reader of files of data in this folder, and of imported files that are just text."""
+
+    texts: Mapping[str, str]
+    elsewhere: Mapping[str, str] = field(default_factory=dict)
+
+    def find(self, importer: str, module: str) -> SourceFile | Missing:
+        """See `Reader`."""
+        return SourceFile(f"{module}.hier", self.texts[module]) if module in self.texts else Missing(module)
+
+    def data(self, importer: str, file: str) -> SourceFile:
+        """See `Reader`."""
+        return SourceFile(file, (HERE / "data" / file).read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True)
 class Case:
-    """One model text, compiled and interpreted. `params` are by path, in declared units."""
+    """One model text, compiled and interpreted. `params` are by path, in declared units; `files` are those that it imports, by module."""
 
     text: str
     run: str = "run"
     params: Mapping[str, object] | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def source(self) -> SourceFile:
@@ -54,9 +75,10 @@ class Case:
 
     @cached_property
     def model(self) -> Model:
-        made = compile_source(self.source, self.run).text
-        model: Model = run_module(made, "model.hier").MODEL
-        return model.with_parameters(self.params or {})
+        made = compile_source(self.source, self.run, self.params, reader=Files(self.files))
+        model: Model = run_module(made.text, "model.hier").MODEL
+        given = self.params or {}
+        return model.with_parameters({path: v for path, v in given.items() if path not in made.structural})
 
     @cached_property
     def plain(self) -> Interpreter:

@@ -22,7 +22,9 @@ def main(first: int, last: int, names: tuple[str, ...]) -> int:
     counts: Counter[str] = Counter()
     with suppress(KeyboardInterrupt):
         for seed in range(first, last):
-            block = random_model(Random(seed), Wishes(arrays=seed % 2 == 1))
+            block = random_model(
+                Random(seed), Wishes(arrays=seed % 2 == 1, outside=seed % 3 == 1, groups=seed % 5 < 3)
+            )
             problem = attempt(block, seed, names)
             kind = "agree" if problem is None else type(problem).__name__
             counts[kind] += 1

@@ -19,8 +19,10 @@ EACH = 10
 @pytest.mark.parametrize("first", range(0, 100, EACH))
 def test_random_models(first: int) -> None:
     for seed in range(first, first + EACH):
-        block = random_model(Random(seed), Wishes(arrays=seed % 2 == 1))
-        problem = attempt(block, seed, (*ALWAYS, SOME[seed % len(SOME)]))
+        block = random_model(
+            Random(seed), Wishes(arrays=seed % 2 == 1, outside=seed % 3 == 1, groups=seed % 5 < 3)
+        )
+        problem = attempt(block, seed, (*ALWAYS, SOME[seed // 2 % len(SOME)]))
         if problem is not None:
             raise AssertionError(f"seed {seed}: {problem}\n{block.text()}") from problem
 

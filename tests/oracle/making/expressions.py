@@ -31,17 +31,20 @@ class Text:
 
 @dataclass(frozen=True)
 class Leaf:
-    """A name that may be used. `safe`: its initial value is known early, so initial values may use it. `array`: of an array of agents."""
+    """A name that may be used, or a sum over agents. `safe`: its initial value is known early, so initial values may use it. `array`: of an array of
+    agents. `names`: those of which the index of a `for` would make something else.
+    """
 
     text: str
     shape: Shape
     unit: Unit
     safe: bool = False
     array: bool = False
+    names: tuple[str, ...] = ()
 
-    @property
-    def base(self) -> str:
-        return self.text.partition(".")[0].removesuffix("'")
+    def means(self, name: str) -> bool:
+        """Whether it is about something of this name."""
+        return name in (self.names or (self.text.partition(".")[0].removesuffix("'"),))
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ class Scope:
         """The scope inside a `for`: the index hides what has its name."""
         return replace(
             self,
-            leaves=tuple(leaf for leaf in self.leaves if leaf.base != name),
+            leaves=tuple(leaf for leaf in self.leaves if not leaf.means(name)),
             bools=tuple(n for n in self.bools if n != name),
             whole=tuple(n for n in self.whole if n != name),
             picks=tuple(n for n in self.picks if n != name),
@@ -98,6 +101,8 @@ class Maker:
     scope: Scope
     #: How often something without a value in places may be made, such as the root of a name.
     rash: float = 0.0
+    #: How often a large system of equations may be solved.
+    heavy: float = 0.0
     used: list[Leaf] = field(default_factory=list)
 
     def within(self, scope: Scope) -> Maker:
@@ -329,6 +334,8 @@ class Maker:
             lambda: call("sum", self.make((self.size(), self.size()), unit, depth)),
             lambda: self._added_up(unit, depth),
         ]
+        if self.rng.random() < self.heavy:
+            rules += [lambda: self._large(unit)] * 3
         if all(e % 2 == 0 for e in unit):
             half: Unit = (unit[0] // 2, unit[1] // 2, unit[2] // 2)
             rules.append(lambda: Text(f"{scalar(half).at(9)}^2", 8))
@@ -474,6 +481,15 @@ class Maker:
         return Text(
             f"20*{self.number(unit)}*eye({size}) + {self.make((size, size), unit, depth - 1).at(6)}", 5
         )
+
+    def _large(self, unit: Unit) -> Text:
+        """Of the solution of a system that is factored at run time."""
+        size, a = str(self.rng.choice([4, 4, 5, 6, 8, 12])), self.rng.choice(COMMON)
+        if self.rng.random() < 0.3:
+            return Text(f"trace(inverse({self._regular(size, over(ONE, unit), 1)}))")
+        shape: Shape = (size, "2") if self.rng.random() < 0.2 else (size,)
+        solution = f"solve({self._regular(size, a, 1)}, {self.make(shape, times(unit, a), 1)})"
+        return Text(f"{'sum' if len(shape) == 2 else self.rng.choice(['sum', 'norm', 'max'])}({solution})")
 
     def _solved(self, shape: Shape, unit: Unit, depth: int) -> Text:
         if (known(shape[0]) or 9) > 3:

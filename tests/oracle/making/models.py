@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from random import Random
 
+from making.experiments import ExperimentMaker
 from making.expressions import Func, Leaf, Maker, Scope, Shape, Text, known
+from making.fans import MANY, fans, partial_sums
 from making.text import Block
 from making.units import COMMON, ONE, SECOND, Style, Unit, Writer, over
 
 CONSTS = ["grav", "joints", "L", "gain", "base"]
 FUNCS = ["blend", "mix", "curve", "spread", "shape"]
+EXTERNS = [("soft", 1), ("swing", 2), ("hill", 3), ("noticed", 1)]
 AGENTS = ["Lag", "Joint", "Plan", "Arm", "Robot", "Cell", "Line"]
 SUBS = ["a", "b", "left", "right", "arm", "tip"]
 NAMES = [
@@ -24,12 +25,20 @@ SIZES: list[Shape] = [(), (), (), ("2",), ("3",), ("2", "2"), ("2", "3")]
 
 @dataclass(frozen=True)
 class Wishes:
-    """What models may have. `arrays`: arrays of agents; `nested`: levels in levels; `large`: how many agents; `style`: how units are written."""
+    """What models may have.
+
+    `arrays`: arrays of agents; `nested`: levels in levels; `large`: how many agents; `style`: how units are written; `outside`: tables and external
+    functions; `groups`: `group` statements, some of which may need each other in a circle; `seeing`: experiments that use the parameters of the agent
+    that runs.
+    """
 
     nested: bool = True
     arrays: bool = False
     large: float = 1.0
     style: Style | None = None
+    outside: bool = False
+    groups: bool = False
+    seeing: bool = True
 
 
 @dataclass
@@ -68,6 +77,7 @@ class Agent:
     states: list[Variable] = field(default_factory=list)
     subs: list[Sub] = field(default_factory=list)
     levels: list[str] = field(default_factory=list)
+    fixed: Scope = field(default_factory=Scope)
 
     @property
     def layered(self) -> bool:
@@ -90,6 +100,11 @@ class Sub:
         unit = over(write.unit, SECOND) if rate else write.unit
         return Leaf(f"{self.name}.{write.name}{chr(39) * rate}", shape, unit, safe, self.count is not None)
 
+    @property
+    def many(self) -> bool:
+        """Whether it is looked at only as a whole."""
+        return self.count in MANY
+
     def shape(self, variable: Variable | Param) -> Shape:
         return tuple(self.sizes.get(size, size) for size in variable.shape)
 
@@ -102,6 +117,7 @@ class FileMaker:
         style = wishes.style or rng.choice(["none", "coherent", "mixed", "mixed"])
         self.writer = Writer(rng, style)
         self.rash = rng.choice([0.0, 0.0, 0.1])
+        self.heavy = rng.choice([0.0, 0.0, 0.0, 0.02])
         self.file = Block()
         self.consts: list[Leaf] = []
         self.size_consts: list[str] = []
@@ -118,16 +134,18 @@ class FileMaker:
         return self.rng.choice(COMMON)
 
     def maker(self, scope: Scope) -> Maker:
-        return Maker(self.rng, self.writer, scope, self.rash)
+        return Maker(self.rng, self.writer, scope, self.rash, self.heavy)
 
     def make(self) -> Block:
         self._constants()
+        if self.wishes.outside:
+            self._outside()
         self._functions()
         count = self.some(1, 1 + round(3 * self.wishes.large))
         for number in range(count):
             AgentMaker(self, AGENTS[number]).make()
         top = AgentMaker(self, "Top", top=True).make()
-        self._experiment(top)
+        self.file.items.append(ExperimentMaker(self, top).make())
         return self.file
 
     def _constants(self) -> None:
@@ -141,6 +159,31 @@ class FileMaker:
             value = self.maker(Scope(tuple(self.consts))).make(shape, unit, 1, loose=True)
             self.file.items.append(f"const {typed(shape)} {name}{self.writer.declared(unit)} = {value};")
             self.consts.append(Leaf(name, shape, unit, safe=True))
+
+    def _outside(self) -> None:
+        """Tables and external functions; see `oracle_outside.py` and the files in `data`."""
+        for file, count in self.rng.sample(
+            [("curve", 1), ("curve", 1), ("map", 2), ("cube", 3)], self.some(0, 2)
+        ):
+            methods = ["hold", "linear", "cubic"] if count == 1 else ["hold", "linear"]
+            head, func = self._signature(self.rng.choice(["thrust", "drag", "lift"]), count)
+            if func is not None:
+                self.file.items.append(f'table {head} = "{file}.csv", {self.rng.choice(methods)};')
+                self.funcs.append(func)
+        for name, count in self.rng.sample(EXTERNS, self.some(0, 1)):
+            head, func = self._signature(name, count)
+            if func is not None:
+                self.file.items.append(f'extern real {head} = "oracle_outside:{name}";')
+                self.funcs.append(func)
+
+    def _signature(self, name: str, count: int) -> tuple[str, Func | None]:
+        """What stands between `table` and its file, unless the name is taken."""
+        names, units = self.rng.sample(["a", "b", "x", "q", "l"], count), [self.unit() for _ in range(count)]
+        unit = self.unit()
+        params = ", ".join(f"real {n}{self.writer.declared(u)}" for n, u in zip(names, units, strict=True))
+        taken = name in (f.name for f in self.funcs)
+        func = None if taken else Func(name, tuple(((), u) for u in units), (), unit)
+        return f"{name}({params}){self.writer.declared(unit)}", func
 
     def _functions(self) -> None:
         for name in self.rng.sample(FUNCS, self.some(0, 3)):
@@ -173,49 +216,6 @@ class FileMaker:
             self.file.items.append(f"func {typed(shape)} {name}({', '.join(params)}) = {body};")
             self.funcs.append(Func(name, tuple(given), shape, unit))
 
-    # ---- the experiment -------------------------------------------------------------------------------------------------------------
-
-    def _experiment(self, top: Agent) -> None:
-        items: list[str | Block] = [f"stop = {self.writer.number(2, SECOND, loose=True)};"]
-        args: list[str] = []
-        init: list[str | Block] = []
-        for path, agent, sizes in everywhere(top, "", {p.name: p.default or "2" for p in top.params}):
-
-            def shape(of: Variable | Param, sizes: dict[str, str] = sizes) -> Shape:
-                return tuple(sizes.get(size, size) for size in of.shape)
-
-            for param in agent.params:
-                needed = not path and param.default is None
-                # One value for all of an array.
-                free = param.kind == "real" and not param.shape if "[" in path else param.kind != "size"
-                if needed or (free and self.chance(0.15)):
-                    value = self.parameter(replace(param, shape=shape(param)), self._outside())
-                    args.append(f"{re.sub('[[][0-9]]', '', path)}{param.name} = {value}")
-            for state in agent.states:
-                if self.chance(0.1):
-                    value = self.maker(self._outside()).make(shape(state), state.unit, 1, loose=True)
-                    init.append(f"{path}{state.name} = {value};")
-            if (
-                agent.states
-                and not agent.subs
-                and not agent.levels
-                and path
-                and "[" not in path
-                and len(items) == 1
-            ):
-                items.append(Block(f"group {path[:-1]}", ["rtol = 1e-5;"]))
-            if agent.writes and path and self.chance(0.2):
-                items.append(f"record {path}{self.rng.choice(['*', agent.writes[0].name])};")
-        if init:
-            items.append(Block("init", init))
-        timed = replace(self._outside(), timed=True)
-        binds = [f"{r.name} := {self.maker(timed).make(r.shape, r.unit, 2, loose=True)}" for r in top.reads]
-        coupling = f" [{', '.join(binds)}]" if binds else ""
-        self.file.items.append(Block(f"experiment run of {top.name}({', '.join(args)}){coupling}", items))
-
-    def _outside(self) -> Scope:
-        return Scope(tuple(self.consts), whole=tuple(self.size_consts), funcs=tuple(self.funcs))
-
     def parameter(self, param: Param, scope: Scope) -> str:
         """A value for a parameter."""
         match param.kind:
@@ -230,15 +230,6 @@ class FileMaker:
 
 def typed(shape: Shape) -> str:
     return f"real[{','.join(shape)}]" if shape else "real"
-
-
-def everywhere(agent: Agent, path: str, sizes: dict[str, str]) -> Iterator[tuple[str, Agent, dict[str, str]]]:
-    """All agents in an agent, with their paths and what their sizes are."""
-    yield path, agent, sizes
-    for sub in agent.subs:
-        inner = {name: sizes.get(size, size) for name, size in sub.sizes.items()}
-        place = "" if sub.count is None else "[1]" if sub.agent.subs else "[2]"
-        yield from everywhere(sub.agent, f"{path}{sub.name}{place}.", inner)
 
 
 class AgentMaker:
@@ -256,6 +247,7 @@ class AgentMaker:
         self.rng.shuffle(self.sub_names)
         self.body: list[str | Block] = []
         self.sizes: list[str] = []
+        self.placed: list[Sub] = []
         outer = [c for c in file.consts if c.text not in names]
         #: What arguments may use; what initial values may; what equations may.
         self.fixed = Scope(tuple(outer), whole=tuple(file.size_consts), funcs=tuple(file.funcs))
@@ -297,6 +289,7 @@ class AgentMaker:
         else:
             self._section(self.body, most=3)
         self._observers(1 if agent.writes else 2)
+        agent.fixed = self.fixed
         params = ", ".join(declared(p, file.writer) for p in agent.params)
         file.file.items.append(Block(f"agent {agent.name}({params})", self.body))
         file.agents.append(agent)
@@ -381,6 +374,20 @@ class AgentMaker:
         self._own(into, level, states=file.some(0 if subs else least, 2))
         for sub in [] if first else layered:
             self._instance(into, sub)
+        if file.wishes.groups:
+            self._groups(into, level)
+
+    def _groups(self, into: list[str | Block], subs: list[Sub]) -> None:
+        """Statements that split and join agents of one level, or agents that stand in none."""
+        alone = [sub for sub in subs if sub.agent.states and not sub.agent.subs]
+        each = [sub.name for sub in alone if sub.count is not None and self.file.chance(0.4)]
+        into += [f"group each {name};" for name in each]
+        singles = [sub.name for sub in alone if sub.name not in each]
+        if singles and self.file.chance(0.5):
+            members = self.rng.sample(singles, self.file.some(1, len(singles)))
+            name = next(n for n in reversed(self.names) if n != "each")  # which would begin `group each`
+            self.names.remove(name)
+            into.append(f"group {name} = {', '.join(members)};")
 
     def _own(self, into: list[str | Block], subs: list[Sub], *, states: int) -> None:
         """Variables and equations, and sub-agents that all may read each other's states."""
@@ -389,7 +396,7 @@ class AgentMaker:
         for sub in subs:
             for write in sub.agent.writes:
                 if write.safe:
-                    self.add(sub.leaf(write), "scope")
+                    self._seen(sub, write, "scope")
         own += [("alge", Variable(self.name(), self.shape(), file.unit())) for _ in range(file.some(0, 1))]
         own += [("let", None)] * file.some(0, 1)
         own += subs
@@ -441,6 +448,8 @@ class AgentMaker:
                 sub.sizes[param.name] = self.rng.choice([default, "2", "3", *self.sizes])
         if self.file.wishes.arrays and self.file.chance(0.4):
             sub.count = self.rng.choice(["2", "3", "4", *self.sizes, *self.file.size_consts])
+            if not agent.subs and self.file.chance(0.1):
+                sub.count = self.rng.choice(MANY)
         self.agent.subs.append(sub)
         return sub
 
@@ -468,12 +477,21 @@ class AgentMaker:
         coupling = f" [{', '.join(binds)}]" if binds else ""
         array = f"[{index} in 1..{sub.count}]" if index else ""
         into.append(f"agent {sub.name}{array} = {agent.name}({', '.join(args)}){coupling};")
+        self.placed.append(sub)
         for write in agent.writes:
             if not (write.safe and seen):
-                self.add(sub.leaf(write), "scope")
+                self._seen(sub, write, "scope")
             if write.safe:
-                self.add(sub.leaf(write, rate=True), "scope")
-                self.add(sub.leaf(write, safe=True), "safe")
+                self._seen(sub, write, "scope", rate=True)
+                self._seen(sub, write, "safe", safe=True)
+
+    def _seen(self, sub: Sub, write: Variable, scope: str, *, rate: bool = False, safe: bool = False) -> None:
+        """What others may use of a variable of a sub-agent."""
+        if not sub.many:
+            self.add(sub.leaf(write, rate=rate, safe=safe), scope)
+        elif not rate:
+            for leaf in fans(self.rng, sub, write, safe=safe):
+                self.add(leaf, scope)
 
     @staticmethod
     def _counted(scope: Scope, sub: Sub, index: str) -> Scope:
@@ -494,6 +512,7 @@ class AgentMaker:
             for w in sub.agent.writes
             if w.safe
         ]
+        chained += partial_sums(sub, index, [other for other in self.placed if other.count == sub.count])
         other = self.maker(scope.with_leaves(*chained, *chained)).make(shape, unit, 2, loose=True)
         return Text(f"if {index} == 1 then {value} else {other}", 0)
 

@@ -64,8 +64,8 @@ class Agent:
             instance,
             index,
         )
-        #: The scope of the instance's arguments and couplings.
-        self.around = Scope(parent)
+        #: The scope of the instance's arguments and couplings; the experiment's sees the parameters of the agent that runs.
+        self.around = Scope(self if parent is None else parent)
         if instance is not None and instance.index is not None and index is not None:
             self.around = self.around.bind(instance.index.index.text, index)
         items = list(items_of(definition))

@@ -106,7 +106,7 @@ _REAL: dict[str, Callable[..., Value]] = {
 
 _ANY: dict[str, Callable[..., Value]] = {
     "abs": abs, "sign": sign, "mod": mod, "div": lambda i, j: i // j, "smooth": lambda x: x,
-    "min": lambda *x: min(x[0] if len(x) == 1 else x), "max": lambda *x: max(x[0] if len(x) == 1 else x),
+    "min": lambda *x: min(np.ravel(x[0]) if len(x) == 1 else x), "max": lambda *x: max(np.ravel(x[0]) if len(x) == 1 else x),
     "clamp": lambda x, low, high: min(max(x, low), high),
     "dot": lambda a, b: (a * b).sum(), "cross": np.cross, "sum": lambda a: a.sum(),
     "transpose": np.transpose, "trace": np.trace,

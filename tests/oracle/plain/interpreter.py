@@ -7,14 +7,15 @@ to be put in order first. Numbers are of any of numpy's types: with `longdouble`
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
 from typing import Any
 
 import numpy as np
 
 from hierc.grammar import tree
-from plain import functions, si
+from plain import functions, outside, si
 from plain.agents import Agent, Index, Scope, Shape
 from plain.functions import Real, Value, as_real, plain
 
@@ -36,6 +37,7 @@ class Interpreter:
         self.agents = {i.name.text: i for i in file.items if isinstance(i, tree.Agent)}
         self.consts = {i.name.text: i for i in file.items if isinstance(i, tree.Const)}
         self.funcs = {i.name.text: i for i in file.items if isinstance(i, tree.Func)}
+        self.outside = {i.name.text: i for i in file.items if isinstance(i, tree.Table | tree.Extern)}
         experiments = {i.name.text: i for i in file.items if isinstance(i, tree.Experiment)}
         self.experiment = experiments.get(run)
         top = self.experiment.agent.text if self.experiment else run
@@ -107,7 +109,7 @@ class Interpreter:
                 equation = agent.equations["alge", name, at]
                 return self.element(equation.value, equation.scope, equation.at)
             if self.states is None:
-                return self.element(*self._start(agent, name), at)
+                return self._start(agent, name, at)
             return np.asarray(self.states[agent.named(name)])[at]
 
         return self.real(self._once((agent, name, at, prime), self._known, compute))
@@ -117,31 +119,62 @@ class Interpreter:
         (value,) = (b.value for b in (of.bindings if of else ()) if b.name.text == name)
         return value, agent.around
 
-    def _start(self, agent: Agent, name: str) -> tuple[tree.Expr, Scope]:
-        for item in self.experiment.items if self.experiment else ():
-            for initial in item.values if isinstance(item, tree.InitBlock) else ():
-                if self._names(initial.path, agent, name):
-                    return initial.value, Scope()
+    def _start(self, agent: Agent, name: str, at: Index) -> Value:
+        """An element of an initial value."""
+        given = [
+            initial
+            for item in (self.experiment.items if self.experiment else ())
+            for initial in (item.values if isinstance(item, tree.InitBlock) else ())
+        ]
+        found = self._gift(given, agent, name, len(at))
+        if found is not None:
+            return found(at)
         initial = agent.variables[name][1].initial
         assert initial is not None
-        return initial, Scope(agent)
+        return self.element(initial, Scope(agent), at)
 
-    def _names(self, path: tree.Path, agent: Agent, name: str) -> bool:
-        """Whether an experiment's path names something in an agent; without a subscript it names all of an array."""
+    def _given(self, path: tree.Path, agent: Agent, name: str) -> tuple[int, Index] | None:
+        """Whether an experiment's path names something in an agent: how many agents it means, and the place of this one among them, of each array of
+        which it means several. Without a subscript it means all of an array.
+        """
         steps = agent.steps
         if len(path.steps) != len(steps) + 1 or path.steps[-1].name.text != name:
-            return False
-        for step, (place, index) in zip(path.steps[:-1], steps, strict=True):
-            numbers = [index]
-            for sub in step.subs:
-                numbers = (
-                    list(self.numbers(sub, Scope()))
-                    if isinstance(sub, tree.Range)
-                    else [int(self.value(sub, Scope()))]
-                )
-            if step.name.text != place or index not in numbers:
-                return False
-        return True
+            return None
+        size, at, inside = 1, (), Scope(self.top)
+        around = agent
+        spans: list[range] = []
+        while around.parent is not None and around.instance is not None:
+            over = around.instance.index
+            spans.insert(0, self.numbers(over.range, Scope(around.parent)) if over is not None else range(0))
+            around = around.parent
+        for step, (place, index), span in zip(path.steps[:-1], steps, spans, strict=True):
+            if step.name.text != place:
+                return None
+            if index is None:
+                continue
+            if step.subs and not isinstance(step.subs[0], tree.Range):
+                if int(self.value(step.subs[0], inside)) != index:
+                    return None
+                continue
+            meant = self.numbers(step.subs[0], inside) if step.subs else span
+            if index not in meant:
+                return None
+            size, at = size * len(meant), (*at, index - meant.start)
+        return size, at
+
+    def _gift(
+        self, gifts: Iterable[tree.ExpArg | tree.Initial], agent: Agent, name: str, rank: int
+    ) -> Callable[[Index], Value] | None:
+        """What an experiment gives to something in an agent, element by element: the gift holds that means fewest agents."""
+        found = [(g, meant) for g in gifts if (meant := self._given(g.path, agent, name)) is not None]
+        if not found:
+            return None
+        gift, (_, at) = min(found, key=lambda pair: pair[1][0])
+        own = isinstance(gift, tree.ExpArg) and not agent.steps
+        value = self.value(gift.value, Scope(None if own else self.top))
+        if np.ndim(value) == rank + len(at) and at:
+            value = value[at]
+        return lambda element: plain(np.asarray(value)[element]) if np.ndim(value) else value
 
     @staticmethod
     def _once(key: object, memory: dict[object, Value], compute: Callable[[], Value]) -> Value:
@@ -169,21 +202,34 @@ class Interpreter:
     def _parameter(self, agent: Agent, name: str) -> Value:
         def compute() -> Value:
             param = agent.params[name]
-            together = ".".join([*(place for place, _ in agent.steps), name])
-            if together in self.params:  # those of an array in rows
-                row = tuple(k - 1 for _, k in agent.steps if k is not None)
-                given = np.asarray(self.params[together])[row]
+            if (given := self._from_outside(agent, name)) is not None:
                 scaled = given * si.declared(param.unit) if param.type.scalar == "real" else plain(given)
                 return self._typed(scaled, param.type)
+            shape = self.sizes(param.type, Scope(agent))
+            gift = self._gift(self.experiment.args if self.experiment else (), agent, name, len(shape))
+            if gift is not None:
+                return self._typed(self._gathered(shape, gift), param.type)
             return self._typed(self.value(*self._argument(agent, param)), param.type)
 
         return self._once((agent, name), self._fixed, compute)
 
+    def _from_outside(self, agent: Agent, name: str) -> Any:
+        """What is given from outside: for one agent, or in rows for those of arrays, which are numbered from 1."""
+        rank = len(agent.params[name].type.sizes)
+        for path, value in self.params.items():
+            *owners, last = re.findall(r"(\w+)(?:\[(\d+)\])?", path)
+            if last[0] != name or [n for n, _ in owners] != [n for n, _ in agent.steps]:
+                continue
+            indices = [
+                (sub, k) for (_, sub), (_, k) in zip(owners, agent.steps, strict=True) if k is not None
+            ]
+            if all(not sub or int(sub) == k for sub, k in indices):
+                row = tuple(k - 1 for sub, k in indices if not sub)
+                return np.asarray(value)[row if np.ndim(value) > rank else ()]
+        return None
+
     def _argument(self, agent: Agent, param: tree.Param) -> tuple[tree.Expr, Scope]:
-        """What gives a parameter its value: the experiment, the agent around, or the default."""
-        for arg in self.experiment.args if self.experiment else ():
-            if self._names(arg.path, agent, param.name.text):
-                return arg.value, Scope()
+        """What gives a parameter its value where the experiment does not: the agent around, or the default."""
         for arg in agent.instance.args if agent.instance else ():
             if arg.name.text == param.name.text:
                 return arg.value, agent.around
@@ -279,6 +325,11 @@ class Interpreter:
     def _call(self, call: tree.Call, scope: Scope) -> Value:
         func = self.funcs.get(call.function.text)
         args = [self.value(arg, scope) for arg in call.args]
+        match self.outside.get(call.function.text):
+            case tree.Table() as item:
+                return outside.table(item, args, self.real)
+            case tree.Extern() as item:
+                return outside.external(item, args, self.real)
         if func is None:
             return functions.call(call.function.text, args, self.real)
         inside = Scope()
