@@ -51,6 +51,8 @@ def evaluate(
     wanted = [variables.find(name) for name in names]
     none = np.zeros(0, np.int64)
     states = trajectories.states(np.concatenate([none, *(w.states for w in wanted)]), t)
+    counts = np.array([len(w.states) for w in wanted], np.int64)
+    states /= np.repeat(np.array([w.scale for w in wanted]), counts)
     elements = distinct(np.concatenate([none, *(w.elements for w in wanted)]))
     observed = _Observed(system, trajectories, elements, t)
     found = {}
@@ -60,8 +62,9 @@ def evaluate(
         first += len(w.states)
         if len(w.elements):
             own, values = values, np.empty((len(t), *w.is_state.shape))
-            values[:, w.is_state], values[:, ~w.is_state] = own, observed.columns(w.elements, w.numbers)
-        found[name] = values.reshape((len(t), *w.shape)) / w.scale
+            values[:, w.is_state] = own
+            values[:, ~w.is_state] = observed.columns(w.elements, w.numbers) / w.scale
+        found[name] = values.reshape((len(t), *w.shape))
     return found
 
 

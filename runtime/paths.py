@@ -91,7 +91,7 @@ class Selection:
     shape: tuple[int, ...]
     subscripts: tuple[int, ...] | None = None
 
-    @property
+    @cached_property
     def names(self) -> list[str]:
         """The full name of each element."""
         return self.named.names(self.chosen)

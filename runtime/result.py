@@ -279,12 +279,14 @@ class Result:
         table: dict[str, Floats] = {}
         for selection in self._chosen(names).values():
             values = self._select(self._values[selection.name], selection)
+            if values.ndim == 1:
+                table[selection.names[0] + _subscript(_from_zero(selection.subscripts or ()))] = values
+                continue
             indices = list(product(*map(range, values.shape[1 + len(selection.shape) :])))
             rows = values.reshape(len(values), len(selection.chosen), len(indices))
-            subscripts = selection.subscripts
             for k, element in enumerate(selection.names):
                 for cell, index in enumerate(indices):
-                    place = index if subscripts is None else tuple(i - 1 for i in subscripts)
+                    place = _from_zero(selection.subscripts) if selection.subscripts else index
                     table[element + _subscript(place)] = rows[:, k, cell]
         return table
 
@@ -432,6 +434,10 @@ def _shared(values: Floats) -> Floats:
     view = values.view()
     view.flags.writeable = False
     return view
+
+
+def _from_zero(subscripts: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(i - 1 for i in subscripts)
 
 
 def _subscript(index: tuple[int, ...]) -> str:
