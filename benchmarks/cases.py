@@ -30,7 +30,7 @@ class Case:
     start: tuple[float, ...]
     rhs: Callable[[float, Vector], list[float]]
     reference_steps: int  # of the reference solution, between two output times
-    peer_name: str  # what the peers' scripts call it
+    peer_name: str | None  # what the peers' scripts call it, if they know it
     params: Mapping[str, int] = field(default_factory=dict)  # structural parameters of the model
 
     def load(self) -> Model:
@@ -146,6 +146,31 @@ def _platoon(count: int, reference_steps: int) -> Case:
     )
 
 
+# ---- bidirectional: cars in a row, each of which moves both its neighbours ------------------------------
+
+
+def bidirectional(t: float, y: Vector) -> list[float]:
+    """Right-hand side (402,) of the leader and a hundred cars."""
+    wish = 20.0 + 4.0 * sin(0.5 * t) + 2.0 * sin(1.3 * t)
+    result = [y[1], wish - y[1]]
+    cars = len(y) // 4
+    for i in range(1, cars + 1):
+        x, v, a, throttle = y[4 * i - 2 : 4 * i + 2]
+        front = y[4 * i - 6 : 4 * i - 4] if i > 1 else y[0:2]
+        rear = y[4 * i + 2 : 4 * i + 4] if i < cars else (x - 10.0, v)
+        ahead, behind = front[0] - x - 10.0, x - rear[0] - 10.0
+        pull = ahead + ahead**3 / 25.0 + 2.0 * (front[1] - v)
+        push = behind + behind**3 / 25.0 + 2.0 * (v - rear[1])
+        command = pull - push + 0.2 * (20.0 - v)
+        result += [
+            v,
+            a - 0.0005 * v * abs(v),
+            (throttle - a) * (1 + i % 7) / 0.3,
+            (20.0 + 20.0 * (i % 5)) * (command - throttle),
+        ]
+    return result
+
+
 _CART = ("x", "y", "th", "v", "om", "tau[1]", "tau[2]")
 CASES = {
     case.name: case
@@ -202,6 +227,21 @@ CASES = {
             rhs=chain,  # what it does more changes nothing
             reference_steps=100,
             peer_name="chain_4_8_400",
+        ),
+        Case(
+            name="bidirectional",
+            title="a leader and 100 cars, each of which moves both its neighbours, 402 states, 40 s",
+            model=_MODELS / "bidirectional.hier",
+            stop=40.0,
+            states=(
+                "lead.x",
+                "lead.v",
+                *(f"car[{i}].{state}" for i in range(1, 101) for state in ("x", "v", "a", "throttle")),
+            ),
+            start=(0, 20, *(value for i in range(1, 101) for value in (-10 * i, 20, 0, 0))),
+            rhs=bidirectional,
+            reference_steps=10,
+            peer_name=None,
         ),
     )
 }

@@ -67,7 +67,7 @@ def _measure(
     model = case.load()
     collected = Collected()
     for _ in range(options.rounds):
-        for peer in options.peers if peers else ():
+        for peer in options.peers if peers and case.peer_name else ():
             collected.add(sweep(case, model, options.methods, options.tolerances, solution))
             print(f"{case.name}: measuring {peer}", file=sys.stderr)
             if peers:

@@ -28,7 +28,8 @@ class Peers:
     limit: float  # s of wall time for one peer on one problem
 
     def run(self, peer: str, case: Case, tolerances: Sequence[float]) -> list[Run]:
-        """All methods of one peer. Raises CalledProcessError if its script fails."""
+        """All methods of one peer, on a case that has a name among them. Raises CalledProcessError if its script fails."""
+        assert case.peer_name is not None
         command: list[str | Path] = [
             self.python, self.folder / "run_peers.py", "--problem", case.peer_name, "--peers", peer,
             "--tols", ",".join(f"{t:g}" for t in tolerances), "--limit", f"{self.limit:g}",

@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from cases import CASES, Case
+from cases import CASES
 from document import put
 from tables import markdown
 
@@ -54,9 +54,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         model = case.load()
         lanes = [_machine_code(model, count) for count in _LANES]
         found = [_plain(model), *lanes, lanes[-1] / _LANES[-1]]
+        row = [case.name, *(f"{1e9 * seconds:.4g}" for seconds in found)]
         if by_hand:
-            found.append(_hand_written(case, options.peers_python, options.peers_dir, options.problems_dir))
-        rows.append([case.name, *(f"{1e9 * seconds:.4g}" for seconds in found)])
+            folders = options.peers_python, options.peers_dir, options.problems_dir
+            name = case.peer_name
+            row.append(f"{1e9 * _hand_written(name, *folders):.4g}" if name else "")
+        rows.append(row)
     table = markdown([*head, "C by hand"] if by_hand else head, rows)
     print(table)
     if options.into:
@@ -124,7 +127,7 @@ def one_group(plan: Plan) -> Plan:
     return replace(plan, groups=(Group("all", tuple(nodes), calls),), order=None)
 
 
-def _hand_written(case: Case, python: Path, peers: Path, problems: Path) -> float:
+def _hand_written(name: str, python: Path, peers: Path, problems: Path) -> float:
     code = _HAND_WRITTEN.format(count=_COUNT * 5)
     command: list[str | Path] = [
         python.absolute(),
@@ -132,7 +135,7 @@ def _hand_written(case: Case, python: Path, peers: Path, problems: Path) -> floa
         code,
         peers.resolve(),
         problems.resolve(),
-        case.peer_name,
+        name,
     ]
     return 1e-9 * float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 

@@ -96,25 +96,28 @@ class _Differentiation:
         return seen
 
     def _unknowns(self, system: int, by: Collection[int], solved: Solved) -> list[Gradient]:
-        """The gradients of all unknowns x of A x = b: for each column the solution of A dx = db - dA x."""
+        """The gradients of all unknowns x of A x = b: for each column the solution of A dx = -dr, r being what A x - b is where x is held."""
         graph = self._graph
         factors, *right = graph.values[system].args
         matrix, n = graph.values[factors].args, graph.values[factors].size
-        gradients = self.gradients([*matrix, *right], by, solved)
-        minus = [graph.apply("neg", graph.unknown(factors, right, k)) for k in range(n)]
+        unknowns = [graph.unknown(factors, right, k) for k in range(n)]
+        rests = [self._rest(matrix[j * n : (j + 1) * n], unknowns, right[j]) for j in range(n)]
+        gradients = self.gradients(rests, {*by, *unknowns}, solved)
         found: list[Gradient] = [{} for _ in range(n)]
-        for column in sorted({c for gradient in gradients for c in gradient}):
-            rest = []
-            for j in range(n):
-                total = gradients[n * n + j].get(column, graph.number(0.0))
-                for k in range(n):
-                    if (d := gradients[j * n + k].get(column)) is not None:
-                        total = _plus(graph, total, _times(graph, d, minus[k]))
-                rest.append(total)
-            for k, d in enumerate(_solution(graph, factors, rest)):
+        for column in sorted({c for gradient in gradients for c in gradient}.difference(unknowns)):
+            change = [graph.apply("neg", gradient.get(column, graph.number(0.0))) for gradient in gradients]
+            for k, d in enumerate(_solution(graph, factors, change)):
                 if graph.literal(d) != 0.0:
                     found[k][column] = d
         return found
+
+    def _rest(self, row: Sequence[int], unknowns: Sequence[int], right: int) -> int:
+        """What one equation leaves: its row times the unknowns less its right-hand side."""
+        graph = self._graph
+        total = graph.number(0.0)
+        for a, x in zip(row, unknowns, strict=True):
+            total = _plus(graph, total, graph.apply("mul", a, x))
+        return graph.apply("sub", total, right)
 
     def _choice(self, value: int, known: Collection[int]) -> Gradient:
         """A choice between two values has the choice between their derivatives, each evaluated in its branch."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hierc.runtime.machine.unit import Unit
 
 #: Updates above which a factorisation is done by tables; the bodies of its loops have no more than these together.
-LARGE = 1000
+LARGE = 400
 
 
 class Layout:

@@ -19,7 +19,7 @@ from llvmlite import ir
 
 from hierc.runtime.machine import builtins, loops, matrices, timing
 from hierc.runtime.machine.arithmetic import Arithmetic
-from hierc.runtime.machine.storage import Locals, Slots
+from hierc.runtime.machine.storage import Locals, Slots, set_once
 from hierc.runtime.machine.types import (
     I64,
     Bool,
@@ -89,15 +89,16 @@ class Lowering:
         self.entry = function.append_basic_block("entry")
         self.builder = ir.IRBuilder(self.entry)
         self.math = Arithmetic(self.builder, contract)
-        self.locals = Locals(self.builder, self.math)
         self.constants: dict[str, int | float] = {}
         self.loops: list[tuple[ir.Block, ir.Block]] = []  # (continue, break) targets
         self.live: Value | None = None  # the lanes whose side of a branch is being lowered; None: all
-        for argument, (name, kind) in zip(function.args, arguments.items(), strict=True):
-            self.locals.store(name, Value(argument, kind))
+        self.arguments = arguments
 
     def run(self, body: list[ast.stmt]) -> None:
         """Lower the whole body and close the function."""
+        self.locals = Locals(self.builder, self.math, set_once(self.arguments, body))
+        for argument, (name, kind) in zip(self.function.args, self.arguments.items(), strict=True):
+            self.locals.store(name, Value(argument, kind))
         self.block(body)
         if not self.builder.block.is_terminated:
             if self.returns is not None:

@@ -48,7 +48,9 @@ def test_sections_are_those_that_are_counted(method: str) -> None:
     assert run.clocks is not None
     assert run.groups.records is not None
     calls = run.clocks[:, :, 1]
-    count = {name: run.groups.records[name] for name in ("steps", "evaluations", "factorizations", "rejected")}
+    count = {
+        name: run.groups.records[name] for name in ("steps", "evaluations", "factorizations", "rejected")
+    }
     assert (calls[:, STEPS] >= count["steps"]).all()
     assert (calls[:, RHS] > count["evaluations"]).all()  # fixed parts have calls of their own
     assert (calls[:, INPUTS] > count["steps"]).all()

@@ -10,6 +10,7 @@ import pytest
 from machine_code import Floats, compiled, definition, over_lanes, room, run_both
 from random_text import random_function
 
+from hierc.runtime.machine.storage import set_once
 from hierc.runtime.machine.types import UnsupportedCode
 from hierc.runtime.machine.unit import CROWDED, Unit
 
@@ -239,6 +240,28 @@ def test_a_scalar_that_gets_lanes_within_a_loop_is_refused() -> None:
     scalar_that_widens.__annotations__["x"] = Lanes
     with pytest.raises(UnsupportedCode, match="scalar before a loop"):
         Unit("test").lower(scalar_that_widens, lanes=4, export="entry")
+
+
+def test_which_locals_need_no_slot() -> None:
+    """Those that one assignment sets, outside of branches and loops, and arguments that stay."""
+    text = """
+def f(a, b):
+    once, pair = g(a)
+    twice = a
+    twice = once
+    b += 1.0
+    if once > 0.0:
+        branch = 1.0
+    else:
+        branch = 2.0
+    for k in range(3):
+        inside = k
+    counted = 0
+    while counted < 3:
+        counted += 1
+    last = branch
+    """
+    assert set_once(["a", "b"], definition(text).body) == {"a", "once", "pair", "last"}
 
 
 def test_many_elementary_functions_are_called_rather_than_written_out() -> None:
