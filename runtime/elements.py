@@ -163,6 +163,12 @@ class Elements:
         found: list[int] = self.families[int(self.family[place])].nodes[self._row_of_group[place]].tolist()
         return found
 
+    def group_indices(self, places: Integers) -> Integers:
+        """The indices (k, levels) in the names of some groups of one name."""
+        families = [self.families[k] for k in self.family[places].tolist()]
+        rows = self._row_of_group[places].tolist()
+        return np.stack([family.indices[row] for family, row in zip(families, rows, strict=True)])
+
     def group_name(self, place: int) -> str:
         """The name of a group: `arm`, `car[3]`."""
         family = self.families[int(self.family[place])]
@@ -189,7 +195,7 @@ class Elements:
         return order_parts(wanted, lambda e, out: part_of(self.kind(e), out), self.read_by, inside)
 
 
-def numbered(path: str, indices: Iterable[int]) -> str:
+def numbered(path: str, indices: Iterable[int | str]) -> str:
     """A path with its indices put in: `car[].x` and 3 make `car[3].x`."""
     first, *rest = path.split("[]")
     return first + "".join(f"[{i}]{text}" for i, text in zip(indices, rest, strict=True))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from hierc.runtime.contract import CONTRACT, Plan
 from hierc.runtime.costs import cost_of
 from hierc.runtime.errors import RunWarning, SettingError
+from hierc.runtime.grouping import grouped
 from hierc.runtime.parameters import Parameters, ParameterValue, parameter_vector
 from hierc.runtime.paths import Catalogue
 from hierc.runtime.result import Interrupted, Result, SimulationError
@@ -21,8 +23,18 @@ from hierc.runtime.run import Engine
 from hierc.runtime.system import System
 from hierc.runtime.verification import check_verifiable, verified
 
+if TYPE_CHECKING:
+    from hierc.runtime.comparison import Compared
+
 Floats = NDArray[np.float64]
-_SETTINGS = {"start": 0.0, "rtol": 1e-6, "method": "auto", "max_step": math.inf, "min_step": 0.0}
+_SETTINGS = {
+    "start": 0.0,
+    "rtol": 1e-6,
+    "method": "auto",
+    "max_step": math.inf,
+    "min_step": 0.0,
+    "group": "auto",
+}
 
 
 class Model:
@@ -68,6 +80,11 @@ class Model:
     @cached_property
     def _own(self) -> System:
         return self.system()
+
+    def _system(self, params: Mapping[str, object] | None, engine: Engine) -> System:
+        """The equations as an engine of this model has them, whose groups may be others."""
+        here = self.system(params) if params else self._own
+        return here if engine is self.engine else replace(here, plan=engine.plan, expansion=engine.elements)
 
     @property
     def parameters(self) -> dict[str, ParameterValue]:
@@ -124,6 +141,7 @@ class Model:
         max_step: float | None = None,
         min_step: float | None = None,
         most_steps: int | None = None,
+        group: str | None = None,
         verify: bool = False,
         costs: bool = False,
         progress: Callable[[float], None] | None = None,
@@ -132,26 +150,24 @@ class Model:
         """Integrate from `start` to `stop` (s), each group at its own step.
 
         What is left out is taken from the experiment, then from the defaults (rtol 1e-6, atol = rtol, method "auto"). `params` replaces
-        parameters by path. `verify` has it run again ten times tighter: the error is then in `Result.verification`. `costs` has it run again with timers:
-        where the time went is then in `Result.costs`.
+        parameters by path. `group` says which groups there are: "level" (the default) leaves them as they are written, "auto" joins neighbours in the
+        cascade where that is predicted to cost less, "agent" has each agent by itself, "one" all together.
+        `verify` has it run again ten times tighter: the error is then in `Result.verification`. `costs` has it run again with timers: where the time went is
+        then in `Result.costs`.
         Raises SettingError for settings that do not fit; SimulationError, with the partial result, if the run fails;
         Interrupted, with the partial result too, on Ctrl-C. Warns (RunWarning) of tables used outside their grids, and of slow externs.
         """
         given = {
             "stop": stop, "rtol": rtol, "atol": atol, "start": start, "method": method, "interval": interval,
-            "max_step": max_step, "min_step": min_step,
+            "max_step": max_step, "min_step": min_step, "group": group,
         }  # fmt: skip
-        chosen: dict[str, Any] = {**_SETTINGS, **self.plan.experiment.settings}
-        chosen.update({k: v for k, v in given.items() if v is not None})
-        if chosen.get("stop") is None:
-            raise SettingError(f"how long should {self.plan.name} run? give stop= in seconds")
-        if atol is None and (rtol is not None or "atol" not in self.plan.experiment.settings):
-            chosen["atol"] = chosen["rtol"]
-        system = self.system(params) if params else self._own
+        chosen = self._chosen(given)
         groups = self._overrides(given)
         if verify:
             check_verifiable(chosen, groups)
-        finished = self.engine.run(system, chosen, groups, most_steps, progress, announce)
+        engine = grouped(self.engine, str(chosen["group"]), self._own, chosen, groups, announce)
+        system = self._system(params, engine)
+        finished = engine.run(system, chosen, groups, most_steps, progress, announce)
         for text in finished.warnings:
             warnings.warn(text, RunWarning, stacklevel=2)
         shown = {k: v for k, v in chosen.items() if k != "interval" or v is not None}
@@ -166,14 +182,39 @@ class Model:
         if not finished.status.ok:
             raise SimulationError(result)
         if costs:
-            result.costs = cost_of(
-                self.engine, finished, chosen, groups, progress=progress, announce=announce
-            )
+            result.costs = cost_of(engine, finished, chosen, groups, progress=progress, announce=announce)
         if verify:
             result.verification = verified(
-                self.engine, finished, chosen, groups, progress=progress, announce=announce
+                engine, finished, chosen, groups, progress=progress, announce=announce
             )
         return result
+
+    def compare_groups(
+        self,
+        params: Mapping[str, object] | None = None,
+        *,
+        announce: Callable[[str], None] | None = None,
+        **given: Any,
+    ) -> tuple[Compared, ...]:
+        """What a run takes in different groups, predicted and measured, the quickest first; `given` are settings as `simulate` has them.
+
+        Tries all contiguous groupings of a model with few groups, some of a larger one, each several times. Raises SettingError for settings that do
+        not fit.
+        """
+        from hierc.runtime.comparison import compare  # few runs need it
+
+        system = self.system(params) if params else self._own
+        return compare(self.engine, system, self._chosen(given), self._overrides(given), announce)
+
+    def _chosen(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """The settings of a run: those given, the experiment's, the defaults. Raises SettingError."""
+        own = self.plan.experiment.settings
+        chosen: dict[str, Any] = {**_SETTINGS, **own, **{k: v for k, v in given.items() if v is not None}}
+        if chosen.get("stop") is None:
+            raise SettingError(f"how long should {self.plan.name} run? give stop= in seconds")
+        if given.get("atol") is None and (given.get("rtol") is not None or "atol" not in own):
+            chosen["atol"] = chosen["rtol"]
+        return chosen
 
     def _overrides(self, given: Mapping[str, object]) -> dict[str, dict[str, Any]]:
         """The experiment's settings of single groups; what the caller gives for all groups goes before them."""

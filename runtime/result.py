@@ -78,6 +78,10 @@ class Run(Protocol):
     def groups(self) -> Sequence[GroupTrajectory]:
         """In cascade order."""
 
+    @property
+    def joined(self) -> Mapping[str, int]:
+        """The places of the groups that others, by their names as the model has them, are part of."""
+
     def evaluate(self, names: Sequence[str], t: Floats) -> Mapping[str, Floats]:
         """Values of variables (len(t), *shape) by name at any times between start and t_reached."""
 
@@ -203,10 +207,13 @@ class Result:
 
     @cached_property
     def stats(self) -> Mapping[str, GroupStats]:
-        """Counters and step sizes of each group, in cascade order. Raises KeyError for an unknown group, or several."""
+        """Counters and step sizes of each group, in cascade order. Raises KeyError for an unknown group, or several.
+
+        Where groups were joined, the name of one of them gives those of the whole.
+        """
         states = self._elements.group_states
         groups = self._run.groups
-        return ByGroup(self._elements, lambda g: _statistics(groups[g], int(states[g])))
+        return ByGroup(self._elements, lambda g: _statistics(groups[g], int(states[g])), self._run.joined)
 
     @cached_property
     def families(self) -> tuple[FamilyStats, ...]:
@@ -215,7 +222,7 @@ class Result:
 
     def steps(self, group: str) -> tuple[Floats, Floats]:
         """Start times and sizes, s, of the steps a group took. Raises KeyError for an unknown group."""
-        knots = ByGroup(self._elements, lambda g: self._run.groups[g].knots)[group]
+        knots = ByGroup(self._elements, lambda g: self._run.groups[g].knots, self._run.joined)[group]
         return knots[:-1], np.diff(knots)
 
     def __getitem__(self, name: str) -> Floats:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hierc.runtime.elements import Elements
 from hierc.runtime.errors import SettingError
 from hierc.runtime.families import group_catalogue
-from hierc.runtime.run import LEAST_RTOL, Engine, FinishedRun, own_settings
+from hierc.runtime.run import LEAST_RTOL, Engine, FinishedRun
 from hierc.runtime.status import Status
 
 Floats = NDArray[np.float64]
@@ -79,7 +79,7 @@ def verified(
     """Run again with tighter tolerances and compare; `settings`, `groups` and `others` as `Engine.run` has them."""
     tighter = {name: _tighter(own) for name, own in groups.items()}
     again = engine.run(run.system, _tighter(settings), tighter, **others)
-    variants, of = own_settings(engine.elements, groups)
+    variants, of = engine.own_settings(settings, groups)
     asked = [_asked(settings, own) for own in variants]
     return compare(engine.elements, run, again, [asked[k] for k in of.tolist()])
 

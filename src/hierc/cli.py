@@ -265,6 +265,16 @@ def _add_run_options(run: argparse.ArgumentParser) -> None:
     run.add_argument("--max-step", **seconds, help="of any group; default: none")  # type: ignore[arg-type]
     run.add_argument("--method", metavar="NAME", help="one method for all groups")
     run.add_argument(
+        "--group",
+        metavar="KIND",
+        help="level: as written (default); auto: joined where that is predicted to cost less; agent: each by itself; one: all together",
+    )
+    run.add_argument(
+        "--compare",
+        action="store_true",
+        help="measure what the run takes in different groups, print a table, and write nothing else",
+    )
+    run.add_argument(
         "-o",
         dest="output",
         metavar="FILE",

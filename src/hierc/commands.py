@@ -21,7 +21,16 @@ from warnings import catch_warnings, simplefilter
 from hierc import loader
 from hierc.exits import INTERRUPTED, NUMERICAL_FAILURE, OK, USAGE, UsageError
 from hierc.outputs import STDOUT, Outputs, Written, asked_for, check_writable, saved_by, write, writing
-from hierc.screen import Progress, duration, say, show_costs, show_groups, show_problems, show_verification
+from hierc.screen import (
+    Progress,
+    duration,
+    groupings,
+    say,
+    show_costs,
+    show_groups,
+    show_problems,
+    show_verification,
+)
 from hierc.version import __version__
 
 if TYPE_CHECKING:
@@ -29,7 +38,7 @@ if TYPE_CHECKING:
     from hierc.runtime.model import Model
     from hierc.runtime.result import Result
 
-_SETTINGS = ("start", "stop", "rtol", "atol", "method", "interval", "max_step")
+_SETTINGS = ("start", "stop", "rtol", "atol", "method", "interval", "max_step", "group")
 
 
 def check(arguments: Namespace) -> int:
@@ -88,6 +97,8 @@ def run(arguments: Namespace) -> int:
     """Simulate an experiment, write what was asked for, tell how it went; stdout comes last, as its reader may be gone."""
     from hierc.runtime.writers import print_csv
 
+    if arguments.compare:
+        return _compare(arguments)
     if STDOUT in arguments.output and arguments.json:
         raise UsageError("-o - and --json both want stdout; write the table to a file")
     outputs = asked_for(arguments.output, arguments.plot)
@@ -152,6 +163,29 @@ def bench(arguments: Namespace) -> int:
         with writing(path):
             bench_plot.draw(found, path)
         say(f"written: {path}")
+    return OK
+
+
+def _compare(arguments: Namespace) -> int:
+    """Measure groupings and print the table, or as JSON."""
+    from hierc.runtime.errors import ExternError, SettingError
+
+    for name in ("output", "plot", "group", "verify", "costs"):
+        if getattr(arguments, name):
+            option = "-o" if name == "output" else f"--{name}"
+            raise UsageError(f"--compare tries many groupings and keeps no results; leave out {option}")
+    source, strict = loader.read_file(arguments.file), arguments.units == "strict"
+    loaded = loader.prepare(source, arguments.experiment, parse_params(arguments.params), strict_units=strict)
+    model, settings = loaded.model, _given(arguments)
+    _check_stop(model, settings)
+    try:
+        rows = model.compare_groups(**settings, announce=None if arguments.quiet else say)
+    except (SettingError, ExternError) as error:
+        raise UsageError(str(error)) from error
+    if arguments.json:
+        _print_json({"model": model.plan.name, "groupings": [asdict(row) for row in rows]})
+    else:
+        sys.stdout.write(groupings(rows))
     return OK
 
 
@@ -235,12 +269,8 @@ def _simulate(model: Model, arguments: Namespace) -> Result:
     from hierc.runtime.errors import ExternError, RunWarning, SettingError
     from hierc.runtime.result import Interrupted, SimulationError
 
-    settings = {name: getattr(arguments, name) for name in _SETTINGS if getattr(arguments, name) is not None}
-    stop = settings.get("stop", model.plan.experiment.settings.get("stop"))
-    if stop is None:
-        raise UsageError(
-            "how long should it run? give --stop SECONDS, or name an experiment that has a `stop`"
-        )
+    settings = _given(arguments)
+    stop = _check_stop(model, settings)
     start = settings.get("start", model.plan.experiment.settings.get("start", 0.0))
     shown = not arguments.quiet
     with Progress(model.plan.name, start, stop, shown=shown) as progress, catch_warnings():
@@ -257,6 +287,21 @@ def _simulate(model: Model, arguments: Namespace) -> Result:
             return error.result
         except (SettingError, ExternError) as error:
             raise UsageError(str(error)) from error
+
+
+def _given(arguments: Namespace) -> dict[str, Any]:
+    """The settings of a run that the command line gives."""
+    return {name: getattr(arguments, name) for name in _SETTINGS if getattr(arguments, name) is not None}
+
+
+def _check_stop(model: Model, settings: Mapping[str, Any]) -> float:
+    """When the run is to stop. Raises UsageError where nobody says."""
+    stop: float | None = settings.get("stop", model.plan.experiment.settings.get("stop"))
+    if stop is None:
+        raise UsageError(
+            "how long should it run? give --stop SECONDS, or name an experiment that has a `stop`"
+        )
+    return stop
 
 
 def _check_module(path: Path, *, python: bool) -> None:

@@ -18,12 +18,15 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
     from hierc.grammar.problems import Problem
+    from hierc.runtime.comparison import Compared
     from hierc.runtime.costs import Costs
     from hierc.runtime.families import FamilyStats
     from hierc.runtime.verification import Verification
 
 #: A run shorter than this, in s, shows no progress bar.
 _PATIENCE = 0.4
+#: Groups that a row of a table names; of more, the first two and the last.
+SHOWN = 6
 
 
 def plain(text: str) -> str:
@@ -109,6 +112,34 @@ def show_verification(found: Verification) -> None:
 def _states(family: FamilyStats) -> str:
     each = " or ".join(map(str, family.states))
     return f"{family.groups} x {each}" if family.groups > 1 else each
+
+
+def groupings(rows: Sequence[Compared]) -> str:
+    """The table of groupings: what each takes beside the best, and its groups with their steps."""
+    best = rows[0].measured if rows else None
+    table = [["group", "predicted", "measured", "of the best", "groups (steps)"]]
+    for row in rows:
+        measured = "fails" if row.measured is None else duration(row.measured)
+        ratio = "-" if row.measured is None or not best else f"{row.measured / best:.2f}"
+        predicted = "-" if row.predicted is None else duration(row.predicted)
+        each = [f"{name} ({steps})" for name, steps in zip(row.groups, row.steps, strict=True)]
+        table.append([", ".join(row.kinds) or "-", predicted, measured, ratio, _some(each)])
+    lines = [line.rstrip() for line in _columns(table)]
+    failures = [f"fails: {row.failure}" for row in rows if row.failure]
+    return "\n".join([*lines, *failures]) + "\n"
+
+
+def _some(parts: Sequence[str]) -> str:
+    """Parts of a list, or if they are many the first and last ones."""
+    return ", ".join(parts if len(parts) <= SHOWN else [*parts[:2], f"{len(parts) - 3} more", parts[-1]])
+
+
+def _columns(table: Sequence[Sequence[str]]) -> Iterable[str]:
+    """Rows as lines: the first and the last column flush left, the others right."""
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    for first, *middle, last in table:
+        cells = [c.rjust(w) for c, w in zip(middle, widths[1:-1], strict=True)]
+        yield "  ".join([first.ljust(widths[0]), *cells, last])
 
 
 def aligned(rows: Sequence[Sequence[str]], *, left: int) -> Iterable[str]:

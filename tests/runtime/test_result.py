@@ -107,6 +107,7 @@ class FakeRun:
     groups: Sequence[GroupTrajectory] = TRAJECTORIES
     variables: Variables = field(init=False)
     asked: list[tuple[str, ...]] = field(default_factory=list)
+    joined: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.variables = Variables(expand(self.plan))
