@@ -111,10 +111,16 @@ def predicted_cost(name: str, probe: Probe, radius: float) -> float:
     h: float = cost.reach * scale * probe.tolerance ** (1.0 / cost.order)
     if radius > 0.0:
         h = min(h, cost.radius / radius)
+    return step_cost(name, probe) / h
+
+
+def step_cost(name: str, probe: Probe) -> float:
+    """Predicted ns of one step."""
+    cost = COSTS[name]
     iterations = 1.0 if probe.linear and math.isinf(cost.radius) else cost.iterations
     evaluations = iterations * (cost.state * probe.states + cost.evaluation * probe.flops)
     algebra = cost.algebra * (probe.updates + iterations * probe.entries)
-    return (cost.base + evaluations + algebra + PYTHON_CALL * cost.calls * probe.calls) / h
+    return cost.base + evaluations + algebra + PYTHON_CALL * cost.calls * probe.calls
 
 
 def spectral_radius(matrices: Sequence[NDArray[np.float64]]) -> float:

@@ -10,6 +10,8 @@ import math
 from hierc.runtime.machine.dialect import Array, Lanes, bits, from_bits, lane
 from hierc.runtime.records import Group
 
+#: A method is asked about once so many steps seem to be bounded by stability.
+SEEM_STIFF = 15
 #: Steps below this many spacings of doubles at t make no progress.
 SMALLEST = 10.0
 
@@ -89,3 +91,14 @@ def after_rejection(g: Group, error: float, safety: float) -> None:
     g.h = g.trial * factor
     g.rejections += 1
     g.rejected += 1
+
+
+def watch_stability(g: Group, radius: float) -> None:
+    """Count the steps lately that the method's stability seems to bound; where they are many, ask for a review (Hairer and Wanner, IV.2)."""
+    if g.stiffness > radius:
+        g.limited += 1
+    else:
+        g.limited = max(0, g.limited - 3)
+    if g.limited == SEEM_STIFF:
+        g.limited = 0
+        g.review = g.steps

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hierc.runtime import records
 from hierc.runtime.columns import distinct
 from hierc.runtime.elements import Elements, spread
+from hierc.runtime.machine.calls import Form
 from hierc.runtime.machine.dialect import RecordArray, aligned
 from hierc.runtime.machine.forms import Wiring
 from hierc.runtime.machine.program import Pieces, Program
@@ -30,6 +31,24 @@ _ROOM, _LEAST_ROOM, _FIRST_BYTES = 256, 16, 256 << 20
 #: Parts of the block that the groups' records point into, by fields side by side.
 _ARRAYS = ("x", "p", "absolute", "u", "work")
 _POINTERS = slice(records.Group.numbers()["x"], records.Group.numbers()["work"] + 1)
+
+
+def facts(form: Form, method: Method, program: Program, made: Pieces) -> dict[str, float]:
+    """What the records of groups of one form and method hold, by field."""
+    return {
+        "n": form.states,
+        "stride": HEADER + (form.states + len(form.published)) * method.width,
+        "width": method.width,
+        "contraction": 1.0,
+        "inputs": form.inputs,
+        "published": len(form.published),
+        "degree": method.degree,
+        "order": method.error_order,
+        "newton_tolerance": method.newton_tolerance,
+        "linear": int(made.linear),
+        "step": program.steps[method.name],
+        **made.addresses,
+    }
 
 
 def cohorts(wiring: Sequence[Wiring], labels: Integers) -> list[tuple[int, int, Integers]]:
@@ -80,30 +99,15 @@ class Layout:
         room = min(max(_FIRST_BYTES // (8 * int(strides.sum()) or 1), _LEAST_ROOM), _ROOM)
         self.rooms: Integers = room * strides
         self.records["capacity"][:] = room
-        self.records["most_steps"][:] = np.iinfo(np.int64).max
+        self.records["most_steps"][:] = self.records["review"][:] = np.iinfo(np.int64).max
 
     def _describe(
         self, elements: Elements, w: Wiring, places: Integers, method: Method, program: Program, made: Pieces
     ) -> None:
         """What is equal in groups of one form and method."""
         form = w.form
-        stride = HEADER + (form.states + len(form.published)) * method.width
         values = sum(elements.kind(int(e)).values for e in w.values[0])
-        facts: dict[str, float] = {
-            "n": form.states,
-            "stride": stride,
-            "width": method.width,
-            "contraction": 1.0,
-            "inputs": form.inputs,
-            "published": len(form.published),
-            "degree": method.degree,
-            "order": method.error_order,
-            "newton_tolerance": method.newton_tolerance,
-            "linear": int(made.linear),
-            "step": program.steps[method.name],
-            **made.addresses,
-        }
-        for name, fact in facts.items():
+        for name, fact in facts(form, method, program, made).items():
             self.records[name][places] = fact
         sizes = (2 * form.states, values, form.states, form.inputs * method.input_rows, made.work)
         for name, size in zip(_ARRAYS, sizes, strict=True):

@@ -16,6 +16,7 @@ FULL = 2.0  # no room for another segment
 TOO_SMALL = 3.0  # the step size fell to the spacing of doubles at t
 NOT_FINITE = 4.0  # the right-hand side stayed NaN or infinite however small the step
 TOO_MANY = 5.0  # the group has taken as many steps as it may
+REVIEW = 8.0  # whether its method is still the right one is to be looked at
 # What the kernel returns beside these.
 DONE = 6.0
 PAUSED = 7.0  # the budget of this call is used up
@@ -68,6 +69,11 @@ class Group(Record):
     order_now: int
     alike: int  # accepted steps of equal size in a row
     regular: int  # rows of the method's tables that are those of equal steps
+    # whether the method is the right one
+    watched: int  # 1 where it may be changed
+    stiffness: float  # the step times how fast the right-hand side moves with the states, in the last two evaluations of a step
+    limited: int  # steps lately that stability seems to bound
+    review: int  # the number of steps at which to ask
     # states, values of parameters, tolerances; these arrays are parts of one block
     n: int
     x: Array[float]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,23 +18,19 @@ from hierc.runtime.contract import Plan
 from hierc.runtime.elements import Elements, expand
 from hierc.runtime.errors import ExternError, SettingError
 from hierc.runtime.layout import Layout, cohorts
+from hierc.runtime.machine.calls import Form
 from hierc.runtime.machine.forms import Wiring, wire
 from hierc.runtime.machine.program import Announce, Program, build
 from hierc.runtime.methods.catalogue import METHODS, STATELESS
 from hierc.runtime.observation import Variables, evaluate
 from hierc.runtime.paths import Catalogue, PathError
-from hierc.runtime.origin import Origin
 from hierc.runtime.result import check_interval
-from hierc.runtime.regroup import regrouped
 from hierc.runtime.simulation import GroupSettings, Settings, Simulation, tighten
 from hierc.runtime.status import Status
 from hierc.runtime.system import System
 from hierc.runtime.trajectory import Trajectories
 
 Floats = NDArray[np.float64]
-if TYPE_CHECKING:
-    from hierc.runtime.grouping import Decision
-
 Integers = NDArray[np.int64]
 #: Tolerances are tightened by the first for each reading edge, to the second at least.
 TIGHTEN = (0.3, 0.03)
@@ -48,6 +44,7 @@ LOOKED_AT = 100_000
 REPRESENTATIVES = 3
 #: Choices of methods that are remembered.
 REMEMBERED = 16
+AUTO = "auto"
 
 
 @dataclass(frozen=True)
@@ -64,18 +61,12 @@ class FinishedRun:
     warnings: tuple[str, ...] = ()
     clocks: Integers | None = None  # of a run with timers: (groups, parts, 2), see `machine/timing.py`
 
-    origin: Origin | None = None
     @property
     def plan(self) -> Plan:
         """The model's tables."""
         return self.system.plan
 
     def evaluate(self, names: Sequence[str], t: Floats) -> dict[str, Floats]:
-    @property
-    def joined(self) -> dict[str, int]:
-        """The places of the groups that others, by their names as the model has them, are part of."""
-        return {} if self.origin is None else dict(self.origin.names())
-
         """Values (len(t), *shape) of variables, in their declared units, at any times between start and t_reached.
 
         A name stands for a variable, of some or all elements of an array (see `paths`), whose numbers then go before its shape.
@@ -92,23 +83,9 @@ class Engine:
     layouts: dict[tuple[str, ...], Layout] = field(default_factory=dict)
     decided: dict[object, Settings] = field(default_factory=dict)
     #: Whether its machine code has timers.
-    #: Of a plan whose groups are made from another's: what they come from.
-    origin: Origin | None = None
-    regrouped: dict[object, Engine] = field(default_factory=dict)
-    groupings: dict[object, Decision | None] = field(default_factory=dict)
     timed: bool = False
 
     @cached_property
-    def with_groups(self, partition: Integers) -> Engine:
-        """The engine of the same model in other groups, those of a partition of its elements (see `regroup`)."""
-        if np.array_equal(partition, self.elements.home):
-            return self
-        key = (partition.tobytes(), self.timed)
-        if key not in self.regrouped:
-            plan = regrouped(self.elements, partition)
-            self.regrouped[key] = Engine(plan, origin=Origin(self.elements, partition), timed=self.timed)
-        return self.regrouped[key]
-
     def with_timers(self) -> Engine:
         """The same engine, with timers in its machine code."""
         return replace(self, programs={}, layouts={}, timed=True)
@@ -129,8 +106,7 @@ class Engine:
         return Variables(self.elements)
 
     @cached_property
-    def tightened(self) -> tuple[list[float], Integers]:
-        """The factors on tolerances that there are, and which of them each group has."""
+    def _tightened(self) -> tuple[list[float], Integers]:
         return tighten(self.elements, self.wiring, *TIGHTEN)
 
     def layout(self, methods: Sequence[str]) -> Layout:
@@ -150,6 +126,13 @@ class Engine:
             self.programs[key] = build(self.plan.classes, wanted, announce, timed=self.timed)
         return self.programs[key]
 
+    def program_for(self, form: Form, method: str) -> Program:
+        """Machine code for one form under one method, beside that of the others."""
+        key = (method, repr(form))
+        if key not in self.programs:
+            self.programs[key] = build(self.plan.classes, [(form, method)], timed=self.timed)
+        return self.programs[key]
+
     def group_settings(
         self, settings: Mapping[str, Any], groups: Mapping[str, Mapping[str, Any]]
     ) -> Settings:
@@ -158,8 +141,8 @@ class Engine:
         A name in `groups` stands for one group, `car[3]`, or for several, `car`; the one that means fewer goes before. Groups without states have a way of
         their own, whatever method is asked for.
         """
-        factors, depths = self.tightened
-        variants, of = self.own_settings(settings, groups)
+        factors, depths = self._tightened
+        variants, of = own_settings(self.elements, groups)
         moving = self.elements.group_states > 0
         sets, labels = labelled((of * len(factors) + depths) * 2 + moving)
         made = []
@@ -177,15 +160,6 @@ class Engine:
         most_steps: int | None = None,
         progress: Callable[[float], None] | None = None,
         announce: Announce | None = None,
-    def own_settings(
-        self, settings: Mapping[str, Any], groups: Mapping[str, Mapping[str, Any]]
-    ) -> tuple[list[dict[str, Any]], Integers]:
-        """The distinct sets of settings that groups have of their own, beside those for all, and which each group has; see `group_settings`."""
-        if self.origin is None:
-            return own_settings(self.elements, groups)
-        variants, of = own_settings(self.origin.elements, groups)
-        return self.origin.joined(settings, variants, of)
-
     ) -> FinishedRun:
         """Integrate a system of this plan.
 
@@ -204,21 +178,13 @@ class Engine:
             return self._nothing(system, np.full(system.size, np.nan), start, stop, status)
         if not np.isfinite(x).all():
             return self._nothing(system, x, start, stop, _bad_start(system, x))
-        simulation = self.begin(system, chosen, x, start, stop, announce)
+        simulation = self._begin(system, chosen, x, start, stop, announce)
         status = simulation.advance(progress, most_steps)
         trajectories = simulation.trajectories()
         warnings = (*self._slow(simulation.program), *self._excursions(system, start, trajectories))
+        reached = simulation.reached
         return FinishedRun(
-            self.variables,
-            system,
-            start,
-            stop,
-            simulation.reached,
-            status,
-            trajectories,
-            warnings,
-            simulation.clocks,
-            self.origin,
+            self.variables, system, start, stop, reached, status, trajectories, warnings, simulation.clocks
         )
 
     def _nothing(
@@ -226,9 +192,9 @@ class Engine:
     ) -> FinishedRun:
         """What a run leaves that failed at its start."""
         nothing = Trajectories(self.elements, initial)
-        return FinishedRun(self.variables, system, start, stop, start, status, nothing, origin=self.origin)
+        return FinishedRun(self.variables, system, start, stop, start, status, nothing)
 
-    def begin(
+    def _begin(
         self,
         system: System,
         chosen: Settings,
@@ -244,11 +210,9 @@ class Engine:
         key = (system.parameters.tobytes(), chosen.distinct, chosen.of.tobytes(), start, stop)
         if key in self.decided:
             return Simulation(self, system, self.decided[key], initial, start, stop, announce)
-        tried = tuple(
-            replace(s, method=choice.FAVOURITE) if s.method == choice.AUTO else s for s in chosen.distinct
-        )
+        tried = tuple(replace(s, method=choice.FAVOURITE) if s.method == AUTO else s for s in chosen.distinct)
         probe = Simulation(self, system, Settings(tried, chosen.of), initial, start, stop, announce)
-        if all(s.method != choice.AUTO for s in chosen.distinct):
+        if all(s.method != AUTO for s in chosen.distinct):
             return probe
         try:
             probe.attempt(PROBE_ATTEMPTS * self.elements.groups)
@@ -267,13 +231,13 @@ class Engine:
         found = [
             (label, self.wiring[number].places[rows], self.wiring[number])
             for number, label, rows in cohorts(self.wiring, chosen.of)
-            if chosen.distinct[label].method == choice.AUTO
+            if chosen.distinct[label].method == AUTO
         ]
         learnt = probe.learn((wiring, _some(places)) for _, places, wiring in found)
         made, of = list(chosen.distinct), chosen.of.copy()
         for (label, places, _), probes in zip(found, learnt, strict=True):
             of[places] = len(made)
-            made.append(replace(chosen.distinct[label], method=choice.choose(*probes)))
+            made.append(replace(chosen.distinct[label], method=choice.choose(*probes), free=True))
         return Settings(tuple(made), of)
 
     def _excursions(self, system: System, start: float, trajectories: Trajectories) -> list[str]:
@@ -352,8 +316,8 @@ def _settings(merged: Mapping[str, Any], own: Mapping[str, Any], factor: float) 
     if rtol < LEAST_RTOL:
         raise SettingError(f"rtol must be at least {LEAST_RTOL:g}, not {rtol!r}: doubles hold no more")
     method = merged["method"]
-    if method not in METHODS and method != choice.AUTO:
-        raise SettingError(f"unknown method `{method}`; there are {choice.AUTO}, {', '.join(METHODS)}")
+    if method not in METHODS and method != AUTO:
+        raise SettingError(f"unknown method `{method}`; there are {AUTO}, {', '.join(METHODS)}")
     max_step = math.inf if merged["max_step"] == math.inf else _positive("max_step", merged["max_step"])
     min_step = _finite("min_step", merged["min_step"])
     return GroupSettings(method, max(rtol * factor, LEAST_RTOL), atol * factor, max_step, min_step)

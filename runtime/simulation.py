@@ -27,9 +27,10 @@ from hierc.runtime.machine import callees
 from hierc.runtime.machine.calls import CallForm
 from hierc.runtime.machine.dialect import RecordArray
 from hierc.runtime.machine.forms import Wiring
-from hierc.runtime.machine.program import Announce
+from hierc.runtime.machine.program import Announce, Pieces
 from hierc.runtime.machine.timing import PARTS
 from hierc.runtime.status import Status
+from hierc.runtime.switching import Reviews
 from hierc.runtime.system import System
 from hierc.runtime.track import Tracks
 from hierc.runtime.trajectory import Trajectories
@@ -55,6 +56,7 @@ class GroupSettings:
     atol: float
     max_step: float
     min_step: float
+    free: bool = False  # whether the method was left to us, and may change
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ class Simulation:
         stop: float,
         announce: Announce | None = None,
     ) -> None:
-        self.system, self.wiring, self.settings = system, engine.wiring, settings
+        self.engine, self.system, self.wiring, self.settings = engine, system, engine.wiring, settings
         self.start, self.stop = start, stop
         self.elements: Elements = engine.elements
         self.program = engine.program(settings.methods, announce)
@@ -117,6 +119,7 @@ class Simulation:
         self.run["window"][0] = np.nextafter(start, stop)
         prototype = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
         self._advance: Callable[[int, int], float] = prototype(self.program.advance)
+        self._reviews = Reviews(settings.methods)
         self._budget = 64
         #: The step under way when an extern failed: its group, where that group stood, how many segments it had.
         self._abandoned = (0, start, 0)
@@ -135,6 +138,8 @@ class Simulation:
         block[layout.scales] = atol[layout.group_of_state] * nominal
         groups["t"][:], groups["stop"][:] = self.start, self.stop
         groups["rtol"][:count], groups["floor"][:count] = rtol, atol
+        watched = [s.free and s.method in choice.EXPLICIT for s in self.settings.distinct]
+        groups["watched"][:count] = np.array(watched, np.int64)[self.settings.of]
 
     def advance(
         self,
@@ -164,6 +169,8 @@ class Simulation:
                             "OUT_OF_MEMORY",
                             "the trajectory needs more memory than a run may use; stop earlier or loosen rtol",
                         )
+                elif outcome == records.REVIEW:
+                    self._reviews.review(self, int(self.run["group"][0]))
                 elif outcome != records.PAUSED:
                     return self._failure(self._caught_up(outcome))
                 if progress is not None:
@@ -182,6 +189,7 @@ class Simulation:
         """
         failed = int(self.run["group"][0])
         found = outcome
+        self.groups["review"][:] = np.iinfo(np.int64).max
         with suppress(ExternError):
             while outcome not in (records.DONE, records.PAUSED, records.FULL):
                 failed, found = int(self.run["group"][0]), outcome
@@ -245,7 +253,7 @@ class Simulation:
 
     def trajectories(self) -> Trajectories:
         """The segments of all groups so far."""
-        methods, last = self.settings.methods, self.groups.copy()
+        methods, last = self._reviews.methods, self.groups.copy()
         return Trajectories(self.elements, self.initial, self.program, self.tracks, methods, last)
 
     def learn(self, cohorts: Iterable[tuple[Wiring, Integers]]) -> list[list[choice.Probe]]:
@@ -255,10 +263,14 @@ class Simulation:
 
     def _probe(self, wiring: Wiring, g: int, trajectories: Trajectories) -> choice.Probe:
         sizes = trajectories.table(g)[:, 3]
-        pieces = self.program.pieces[wiring.form, self.settings[g].method]
+        step = median(sizes[len(sizes) // 2 :]) if len(sizes) else self.stop - self.start
+        return self.probe(wiring, g, step, self.program.pieces[wiring.form, self.settings[g].method])
+
+    def probe(self, wiring: Wiring, g: int, step: float, pieces: Pieces) -> choice.Probe:
+        """What decides about a group's method, of its typical step under these pieces."""
         classes = self.elements.plan.classes
         return choice.Probe(
-            step=median(sizes[len(sizes) // 2 :]) if len(sizes) else self.stop - self.start,
+            step=step,
             spectral_radius=functools.partial(self._spectral_radius, g),
             states=wiring.form.states,
             flops=sum(classes[c.kind].flops for c in wiring.form.calls if c.part < 0),

@@ -19,7 +19,7 @@ from fractions import Fraction
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
-from hierc.runtime.control import begin_with, power, propose_end
+from hierc.runtime.control import begin_with, power, propose_end, watch_stability
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array, invoke, is_finite, splat
 from hierc.runtime.methods.adams_pieces import (
@@ -40,7 +40,7 @@ from hierc.runtime.methods.adams_pieces import (
     number,
 )
 from hierc.runtime.methods.method import Names, Piece
-from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
+from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, REVIEW, TOO_MANY, TOO_SMALL, WAITING, Group
 from hierc.runtime.segments import covered, finish, read_inputs
 
 if TYPE_CHECKING:  # given by Adams.step_names
@@ -51,6 +51,8 @@ if TYPE_CHECKING:  # given by Adams.step_names
 MOST_REJECTIONS = 60
 #: A step sees too little of inputs that change within more segments than this: it is made shorter.
 MOST_SEGMENTS = 4
+#: Steps beyond this over |lambda| are taken to be bounded by stability.
+RADIUS = 0.6
 #: The error that steps aim at, relative to the tolerance.
 AIM = 0.5
 
@@ -64,6 +66,8 @@ def step(g: Group, groups: Array[Group]) -> float:
         return FULL
     if g.steps >= g.most_steps:
         return TOO_MANY
+    if g.steps >= g.review:
+        return REVIEW
     if g.h <= 0.0:
         if not covered(g, groups, g.t):
             return WAITING
@@ -90,6 +94,8 @@ def step(g: Group, groups: Array[Group]) -> float:
         if error < 1.0:
             above = invoke(g.accept, g)
             after_acceptance(g, above)
+            if g.watched == 1:
+                watch_stability(g, RADIUS)
             return ACCEPTED
         after_rejection(g, error)
         if g.rejections > MOST_REJECTIONS:

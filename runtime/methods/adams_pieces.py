@@ -192,7 +192,10 @@ def correct(g: Group) -> float:
     factor = g.trial * number(work, MEAN + g.order_now)
     for i in range(N):
         work[NEXT + i] = splat(fma(factor, number(work, CHANGE + i), number(work, Y + i)))
+        work[Y + i] = work[F + i]
     derivative(g, g.end, at(work, NEXT))
+    if g.watched == 1:
+        g.stiffness = stiffness(g)
     error = 0.0
     if PUBLISHED > 0:
         published(g, g.end, at(work, NEXT))
@@ -201,6 +204,21 @@ def correct(g: Group) -> float:
     for i in range(N):
         error += 0.0 * number(work, F + i)
     return error
+
+
+def stiffness(g: Group) -> float:
+    """How much the two evaluations at the end of the step differ for what the corrector changed, times the step."""
+    work = g.work
+    faster = 0.0
+    further = 0.0
+    for i in range(N):
+        a = number(work, F + i) - number(work, Y + i)
+        b = number(work, CHANGE + i)
+        faster = fma(a, a, faster)
+        further = fma(b, b, further)
+    if further == 0.0:
+        return 0.0
+    return math.sqrt(faster / further) / number(work, MEAN + g.order_now)
 
 
 def last_row(g: Group) -> int:

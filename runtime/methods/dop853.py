@@ -273,6 +273,7 @@ DOP853 = ExplicitTables(
     name="dop853",
     order=8,
     error_order=8,
+    radius=3.0,
     nodes=C,
     a=A,
     b=B,

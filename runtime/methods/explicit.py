@@ -15,11 +15,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hierc.runtime.control import after_acceptance, after_rejection, begin_with, first_size, propose_end
+from hierc.runtime.control import (
+    after_acceptance,
+    after_rejection,
+    begin_with,
+    first_size,
+    propose_end,
+    watch_stability,
+)
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array, Lanes, at, fma, invoke, lane, outlined, splat, unroll
 from hierc.runtime.methods.method import Names, Piece
-from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
+from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, REVIEW, TOO_MANY, TOO_SMALL, WAITING, Group
 from hierc.runtime.segments import HEADER, covered, finish, read_inputs, segment
 
 Row = tuple[float, ...]
@@ -34,13 +41,14 @@ _SAFETY = 0.9
 class ExplicitTables:
     """One method of s stages. `a` has rows for stages 2, 3, …, those after s + 1 for dense output; `nodes` all stages' places.
 
-    `error` and `second_error` weigh the stages in the error estimates (Hairer's combination of two where there is a second);
+    Steps beyond `radius`/|lambda| are taken to be bounded by stability. `error` and `second_error` weigh the stages in the error estimates (Hairer's combination of two where there is a second);
     x(theta) = x + h sum_j theta**(j+1) sum_i dense[j][i] k_i.
     """
 
     name: str
     order: int
     error_order: int
+    radius: float
     nodes: Row
     a: tuple[Row, ...]
     b: Row
@@ -95,6 +103,7 @@ if TYPE_CHECKING:  # given by Explicit.names
 
     TWO_ERRORS: bool
     SAFETY: float
+    RADIUS: float
 
     def rhs_fixed(t: Lanes, u: Array[Lanes], p: Array[float], v: Array[Lanes]) -> None: ...
     def rhs(
@@ -143,7 +152,26 @@ def attempt(g: Group) -> float:
                 a = fma(B[j], lane(k[j * N + i], 0), a)
         x[i] = splat(fma(h, a, g.x[i]))
     derivative(g, splat(g.end), x, at(g.u, STAGES * INPUTS), at(k, STAGES * N))
+    if g.watched == 1:
+        g.stiffness = stiffness(g)
     return error_norm(g)
+
+
+def stiffness(g: Group) -> float:
+    """How much the last two stages, both at the end of the step, differ in their derivatives for what they differ in the states, times the step."""
+    k = g.work
+    y = at(g.work, Y)
+    x = at(g.work, NEXT)
+    faster = 0.0
+    further = 0.0
+    for i in range(N):
+        a = lane(k[STAGES * N + i], 0) - lane(k[(STAGES - 1) * N + i], 0)
+        b = lane(x[i], 0) - lane(y[i], 0)
+        faster = fma(a, a, faster)
+        further = fma(b, b, further)
+    if further == 0.0:
+        return 0.0
+    return g.trial * math.sqrt(faster / further)
 
 
 def error_norm(g: Group) -> float:
@@ -251,6 +279,8 @@ def step(g: Group, groups: Array[Group]) -> float:
         return FULL
     if g.steps >= g.most_steps:
         return TOO_MANY
+    if g.steps >= g.review:
+        return REVIEW
     if g.h <= 0.0:
         if not covered(g, groups, g.t):
             return WAITING
@@ -272,6 +302,8 @@ def step(g: Group, groups: Array[Group]) -> float:
             complete(g, groups)
             after_acceptance(g, error, SAFETY)
             finish(g)
+            if g.watched == 1:
+                watch_stability(g, RADIUS)
             return ACCEPTED
         after_rejection(g, error, SAFETY)
         if g.rejections > MOST_REJECTIONS:
@@ -366,6 +398,7 @@ class Explicit:
             "C": (*tables.nodes,),
             "FIT_NODES": fit_nodes,
             "SAFETY": _SAFETY,
+            "RADIUS": tables.radius,
         }
 
     def names(self, composer: Composer) -> Names:

@@ -22,7 +22,7 @@ from hierc.runtime.machine.types import LaneConstant, LaneTable
 from hierc.runtime.methods.method import Names, Piece
 from hierc.runtime.methods.radau_pieces import accept, begin, defect, estimate, initial, iterate, refresh
 from hierc.runtime.methods.radau_tables import Tables
-from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
+from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, REVIEW, TOO_MANY, TOO_SMALL, WAITING, Group
 from hierc.runtime.segments import covered, finish, read_inputs
 
 if TYPE_CHECKING:  # given by Radau.step_names
@@ -46,6 +46,8 @@ def step(g: Group, groups: Array[Group]) -> float:
         return FULL
     if g.steps >= g.most_steps:
         return TOO_MANY
+    if g.steps >= g.review:
+        return REVIEW
     if g.h <= 0.0:
         if not covered(g, groups, g.t):
             return WAITING

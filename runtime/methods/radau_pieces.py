@@ -103,7 +103,7 @@ def begin(g: Group) -> float:
         last = at(segment(g, g.count - 1), HEADER)
         theta = 1.0 + NODES * (g.trial / g.previous)
         for i in range(N):
-            c = at(last, i * LANES)
+            c = at(last, i * g.width)
             a = NODES * 0.0 + c[STAGES]
             for q in unroll(STAGES):
                 a = fma(a, theta, c[STAGES - 1 - q])
@@ -260,9 +260,9 @@ def accept(g: Group) -> float:
         out = at(g.work, OUT)  # filled by `defect`
         for k in range(PUBLISHED):
             start = lane(out[k], STAGES)
-            put(at(coefficients, (N + k) * LANES), to_powers(out[k] - start, start))
+            put(at(coefficients, (N + k) * g.width), to_powers(out[k] - start, start))
     for i in range(N):
-        put(at(coefficients, i * LANES), to_powers(z[i], g.x[i]))
+        put(at(coefficients, i * g.width), to_powers(z[i], g.x[i]))
     for i in range(N):
         g.x[i] = g.x[i] + lane(z[i], STAGES - 1)
     return 0.0

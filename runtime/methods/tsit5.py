@@ -39,6 +39,7 @@ TSIT5 = ExplicitTables(
     name="tsit5",
     order=5,
     error_order=5,
+    radius=1.5,
     nodes=(0.0, 0.161, 0.327, 0.9, 0.9800255409045097, 1.0, 1.0),
     a=A,
     b=B,
