@@ -28,6 +28,8 @@ _Line = tuple[str, Floats]
 SUFFIXES = (".png", ".pdf", ".svg")
 #: More lines than this in a panel cannot be told apart.
 _MOST_LINES = 12
+#: How many colours matplotlib tells lines apart by; those beyond are drawn in the next style.
+_COLOURS, _STYLES = 10, ("-", "--")
 #: Inches: of a figure without its panels, of a panel, and the most, which keeps a picture within what files can hold.
 _MARGIN, _PANEL, _MOST = 0.7, 2.0, 200.0
 
@@ -73,8 +75,9 @@ def _by_unit(result: Result, names: list[str]) -> dict[str | None, list[_Line]]:
 
 
 def _panel(axis: Axes, t: Floats, title: str, unit: str | None, lines: list[_Line]) -> None:
-    for name, values in lines[:_MOST_LINES]:
-        axis.plot(t, values, label=_label(name), linewidth=1.2)
+    for k, (name, values) in enumerate(lines[:_MOST_LINES]):
+        colour, style = f"C{k % _COLOURS}", _STYLES[k // _COLOURS]
+        axis.plot(t, values, label=_label(name), linewidth=1.2, color=colour, linestyle=style)
     if len(lines) > _MOST_LINES:
         axis.plot([], [], " ", label=f"and {len(lines) - _MOST_LINES} more")
     if title:

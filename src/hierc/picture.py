@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, BinaryIO
 
 from hierc.compiler.diagram import Diagram, Member
@@ -22,6 +24,10 @@ _MOST_LABELLED = 60
 #: Inches of a cell without names; a picture is never larger than `_LARGEST`.
 _CELL, _LARGEST = 0.3, 14.0
 
+#: How long a label may be, and a line of the title; points of both.
+_LONGEST, _LINE = 40, 80
+_LABEL, _TITLE = 8, 10
+
 _TINTS = ("#dbe9f6", "#fde5cc", "#d8efd3", "#f5d9e6", "#e4dcf1", "#f3efc9")
 _UNGROUPED = "#f4f4f4"
 _INK, _FAINT, _READ = "#222222", "#d0d0d0", "#3b6ea5"
@@ -36,9 +42,17 @@ def draw(diagram: Diagram, path: Path | None) -> Figure:
         raise ImportError('pictures need matplotlib: pip install "hierc[plot]"') from None
     size = len(diagram.members)
     named = size <= _MOST_NAMED
-    width, height = (1.35 * size, 0.62 * size) if named else (min(_CELL * size, _LARGEST),) * 2
-    figure = Figure(figsize=(width + 2.2, height + 1.4), layout="constrained")
+    width, height = (min(_CELL * size, _LARGEST),) * 2
+    if named:
+        columns = [_fitted(member.path) for member in diagram.members]
+        width, height = max(1.35, _inches(columns, _LABEL) + 0.2) * size, 0.62 * size
+    rows = _row_labels(diagram) if size <= _MOST_LABELLED else []
+    title = wrap(f"{diagram.model}: rows read columns, slow groups first", _LINE)
+    whole = max(width + max(2.2, _inches(rows, _LABEL) + 0.5), _inches(title, _TITLE) + 0.3)
+    figure = Figure(figsize=(whole, height + 1.4), layout="constrained")
     FigureCanvasAgg(figure)
+    # Over all of the picture: labels beside the axes may leave these little room.
+    figure.suptitle("\n".join(title).replace("$", r"\$"), fontsize=_TITLE)
     axes = figure.subplots()
     axes.set_xlim(-0.02, size + 0.02)
     axes.set_ylim(size + 0.02, -0.02)
@@ -53,6 +67,14 @@ def draw(diagram: Diagram, path: Path | None) -> Figure:
     if path is not None:
         _save(figure, path)
     return figure
+
+
+def _inches(texts: Sequence[str], points: int) -> float:
+    """How wide the widest of some texts is."""
+    from matplotlib.textpath import TextPath
+
+    widths = (TextPath((0, 0), text.replace("$", r"\$"), size=points).get_extents().width for text in texts)
+    return max(widths, default=0.0) / 72
 
 
 def _draw_blocks(axes: Axes, diagram: Diagram) -> None:
@@ -138,9 +160,8 @@ def _draw_dots(axes: Axes, diagram: Diagram, cell: float) -> None:
 
 def _label_axes(axes: Axes, diagram: Diagram) -> None:
     members = diagram.members
-    axes.set_title(f"{diagram.model}: rows read columns, slow groups first", fontsize=10, pad=10)
     axes.spines[:].set_visible(False)
-    axes.tick_params(length=0, labelsize=8)
+    axes.tick_params(length=0, labelsize=_LABEL)
     axes.xaxis.tick_top()
     if len(members) > _MOST_LABELLED:
         axes.set_xticks([])
@@ -148,14 +169,26 @@ def _label_axes(axes: Axes, diagram: Diagram) -> None:
         axes.set_xlabel(f"{len(members)} agents in {diagram.group_count} groups", fontsize=8)
         return
     centres = [i + 0.5 for i in range(len(members))]
-    axes.set_xticks(centres, [member.path for member in members])
+    axes.set_xticks(centres, [_fitted(member.path) for member in members])
     if len(members) > _MOST_NAMED:
         axes.tick_params(axis="x", labelrotation=90)
-    labels = [
-        member.path if member.group in (None, member.path) else f"{member.group} | {member.path}"
-        for member in members
+    axes.set_yticks(centres, _row_labels(diagram))
+
+
+def _row_labels(diagram: Diagram) -> list[str]:
+    """The names of agents, with the groups that they are in."""
+    return [
+        _fitted(member.path)
+        if member.group is None or member.group == member.path
+        else f"{_fitted(member.group)} | {_fitted(member.path)}"
+        for member in diagram.members
     ]
-    axes.set_yticks(centres, labels)
+
+
+def _fitted(name: str) -> str:
+    """A name with its middle left out where it is too long."""
+    half = _LONGEST // 2
+    return name if len(name) <= _LONGEST else f"{name[: half - 1]}…{name[-half:]}"
 
 
 def _save(figure: Figure, path: Path) -> None:

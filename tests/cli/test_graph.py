@@ -207,6 +207,24 @@ def test_a_picture_has_a_mark_for_each_pair(loop: Diagram) -> None:
     assert {tuple(point) for point in reads.get_offsets().tolist()} == expected
 
 
+@pytest.mark.parametrize("length", [1, 30, 60, 120])
+def test_nothing_is_cut_however_long_names_are(length: int) -> None:
+    from hierc.picture import draw
+
+    name, agent = "M" * length, "w" * length
+    text = f"agent A() {{ write real x = 0; diff {{ x' = 1; }} }} agent {name}() {{ level m{agent} {{ agent {agent} = A(); }} }}"
+    figure = draw(diagram(model_of(SourceFile("m.hier", text))), None)
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    whole = figure.bbox
+    texts = [figure._suptitle, *axes.texts, *axes.get_xticklabels(), *axes.get_yticklabels()]
+    assert len(texts) == 4
+    for shown in texts:
+        box = shown.get_window_extent()
+        assert whole.x0 <= box.x0 < box.x1 <= whole.x1, shown.get_text()
+        assert whole.y0 <= box.y0 < box.y1 <= whole.y1, shown.get_text()
+
+
 def test_a_small_picture_names_what_is_read() -> None:
     from hierc.picture import draw
 

@@ -65,6 +65,12 @@ def test_a_panel_says_what_it_leaves_out() -> None:
     assert labels(figure)[0][-2:] == [" many[12]", "and 28 more"]
 
 
+def test_no_two_lines_look_alike() -> None:
+    (axis,) = draw(Values({"g": ["many"]}), None, None).axes
+    drawn = [line for line in axis.lines if len(line.get_xdata())]
+    assert len({(line.get_color(), line.get_linestyle()) for line in drawn}) == len(drawn) == 12
+
+
 def test_any_number_of_panels_makes_a_picture(tmp_path: Path) -> None:
     draw(Values({}), tmp_path / "r.png", [])
     assert (tmp_path / "r.png").stat().st_size > 0
