@@ -24,6 +24,7 @@ from hierc.compiler.shapes.values import Shape, Value, size_of
 from hierc.compiler.structure.instances import Array, Instance
 from hierc.compiler.structure.slices import Slices
 from hierc.compiler.structure.storage import Kind, Storage
+from hierc.compiler.walk import subscripts, visit
 from hierc.grammar import tree
 from hierc.grammar.source import Span
 
@@ -174,9 +175,12 @@ class Reader:
         return self.places * array.size + wanted - array.first
 
     def _out_of(self, array: Array, at: int, wanted: Integers, index: Index, step: tree.Step) -> OutOfArray:
-        name = self.view.index if self.view is not None and isinstance(index, Column) else None
-        own = self.view.domain.indices[-1] if self.view is not None else None
-        where = (f"{name} = {own[at]}",) if name is not None and own is not None else ()
+        """The problem of an index that is not there, with the first element that asks for it, where the element decides."""
+        name: str | None = None
+        where: tuple[str, ...] = ()
+        if self.view is not None and (isinstance(index, Column) or _uses(step, self.view.index)):
+            name = self.view.index
+            where = (f"{name} = {self.view.domain.indices[-1][at]}",)
         last = array.first + array.size - 1
         return OutOfArray(
             step.span,
@@ -229,3 +233,9 @@ def _is_matrix(owner: Instance, name: str) -> bool:
         else agent.params.get(name) or agent.consts.get(name)
     )
     return declared is not None and len(declared.type.sizes) == 2
+
+
+def _uses(step: tree.Step, index: str) -> bool:
+    """Whether a subscript is computed with an index, even where all that ask have the same."""
+    used = (here.node for sub in subscripts(step.subs) for here in visit(sub))
+    return any(isinstance(node, tree.Ref) and node.path.text == index for node in used)
