@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,17 @@ from hierc.runtime.machine.forms import Wiring, wire
 from hierc.runtime.machine.program import Announce, Program, build
 from hierc.runtime.methods.catalogue import METHODS, STATELESS
 from hierc.runtime.observation import Variables, evaluate
+from hierc.runtime.origin import Origin
 from hierc.runtime.paths import Catalogue, PathError
+from hierc.runtime.regroup import regrouped
 from hierc.runtime.result import check_interval
 from hierc.runtime.simulation import GroupSettings, Settings, Simulation, tighten
 from hierc.runtime.status import Status
 from hierc.runtime.system import System
 from hierc.runtime.trajectory import Trajectories
+
+if TYPE_CHECKING:
+    from hierc.runtime.grouping import Decision
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -44,7 +49,6 @@ LOOKED_AT = 100_000
 REPRESENTATIVES = 3
 #: Choices of methods that are remembered.
 REMEMBERED = 16
-AUTO = "auto"
 
 
 @dataclass(frozen=True)
@@ -60,11 +64,17 @@ class FinishedRun:
     groups: Trajectories
     warnings: tuple[str, ...] = ()
     clocks: Integers | None = None  # of a run with timers: (groups, parts, 2), see `machine/timing.py`
+    origin: Origin | None = None
 
     @property
     def plan(self) -> Plan:
         """The model's tables."""
         return self.system.plan
+
+    @property
+    def joined(self) -> dict[str, int]:
+        """The places of the groups that others, by their names as the model has them, are part of."""
+        return {} if self.origin is None else dict(self.origin.names())
 
     def evaluate(self, names: Sequence[str], t: Floats) -> dict[str, Floats]:
         """Values (len(t), *shape) of variables, in their declared units, at any times between start and t_reached.
@@ -82,8 +92,22 @@ class Engine:
     programs: dict[tuple[str, ...], Program] = field(default_factory=dict)
     layouts: dict[tuple[str, ...], Layout] = field(default_factory=dict)
     decided: dict[object, Settings] = field(default_factory=dict)
+    #: Of a plan whose groups are made from another's: what they come from.
+    origin: Origin | None = None
+    regrouped: dict[object, Engine] = field(default_factory=dict)
+    groupings: dict[object, Decision | None] = field(default_factory=dict)
     #: Whether its machine code has timers.
     timed: bool = False
+
+    def with_groups(self, partition: Integers) -> Engine:
+        """The engine of the same model in other groups, those of a partition of its elements (see `regroup`)."""
+        if np.array_equal(partition, self.elements.home):
+            return self
+        key = (partition.tobytes(), self.timed)
+        if key not in self.regrouped:
+            plan = regrouped(self.elements, partition)
+            self.regrouped[key] = Engine(plan, origin=Origin(self.elements, partition), timed=self.timed)
+        return self.regrouped[key]
 
     @cached_property
     def with_timers(self) -> Engine:
@@ -106,7 +130,8 @@ class Engine:
         return Variables(self.elements)
 
     @cached_property
-    def _tightened(self) -> tuple[list[float], Integers]:
+    def tightened(self) -> tuple[list[float], Integers]:
+        """The factors on tolerances that there are, and which of them each group has."""
         return tighten(self.elements, self.wiring, *TIGHTEN)
 
     def layout(self, methods: Sequence[str]) -> Layout:
@@ -141,8 +166,8 @@ class Engine:
         A name in `groups` stands for one group, `car[3]`, or for several, `car`; the one that means fewer goes before. Groups without states have a way of
         their own, whatever method is asked for.
         """
-        factors, depths = self._tightened
-        variants, of = own_settings(self.elements, groups)
+        factors, depths = self.tightened
+        variants, of = self.own_settings(settings, groups)
         moving = self.elements.group_states > 0
         sets, labels = labelled((of * len(factors) + depths) * 2 + moving)
         made = []
@@ -151,6 +176,15 @@ class Engine:
             decided = _settings({**settings, **variants[variant]}, variants[variant], factors[depth])
             made.append(decided if moves else replace(decided, method=STATELESS))
         return Settings(tuple(made), labels)
+
+    def own_settings(
+        self, settings: Mapping[str, Any], groups: Mapping[str, Mapping[str, Any]]
+    ) -> tuple[list[dict[str, Any]], Integers]:
+        """The distinct sets of settings that groups have of their own, beside those for all, and which each group has; see `group_settings`."""
+        if self.origin is None:
+            return own_settings(self.elements, groups)
+        variants, of = own_settings(self.origin.elements, groups)
+        return self.origin.joined(settings, variants, of)
 
     def run(
         self,
@@ -178,13 +212,21 @@ class Engine:
             return self._nothing(system, np.full(system.size, np.nan), start, stop, status)
         if not np.isfinite(x).all():
             return self._nothing(system, x, start, stop, _bad_start(system, x))
-        simulation = self._begin(system, chosen, x, start, stop, announce)
+        simulation = self.begin(system, chosen, x, start, stop, announce)
         status = simulation.advance(progress, most_steps)
         trajectories = simulation.trajectories()
         warnings = (*self._slow(simulation.program), *self._excursions(system, start, trajectories))
-        reached = simulation.reached
         return FinishedRun(
-            self.variables, system, start, stop, reached, status, trajectories, warnings, simulation.clocks
+            self.variables,
+            system,
+            start,
+            stop,
+            simulation.reached,
+            status,
+            trajectories,
+            warnings,
+            simulation.clocks,
+            self.origin,
         )
 
     def _nothing(
@@ -192,9 +234,9 @@ class Engine:
     ) -> FinishedRun:
         """What a run leaves that failed at its start."""
         nothing = Trajectories(self.elements, initial)
-        return FinishedRun(self.variables, system, start, stop, start, status, nothing)
+        return FinishedRun(self.variables, system, start, stop, start, status, nothing, origin=self.origin)
 
-    def _begin(
+    def begin(
         self,
         system: System,
         chosen: Settings,
@@ -210,9 +252,11 @@ class Engine:
         key = (system.parameters.tobytes(), chosen.distinct, chosen.of.tobytes(), start, stop)
         if key in self.decided:
             return Simulation(self, system, self.decided[key], initial, start, stop, announce)
-        tried = tuple(replace(s, method=choice.FAVOURITE) if s.method == AUTO else s for s in chosen.distinct)
+        tried = tuple(
+            replace(s, method=choice.FAVOURITE) if s.method == choice.AUTO else s for s in chosen.distinct
+        )
         probe = Simulation(self, system, Settings(tried, chosen.of), initial, start, stop, announce)
-        if all(s.method != AUTO for s in chosen.distinct):
+        if all(s.method != choice.AUTO for s in chosen.distinct):
             return probe
         try:
             probe.attempt(PROBE_ATTEMPTS * self.elements.groups)
@@ -231,7 +275,7 @@ class Engine:
         found = [
             (label, self.wiring[number].places[rows], self.wiring[number])
             for number, label, rows in cohorts(self.wiring, chosen.of)
-            if chosen.distinct[label].method == AUTO
+            if chosen.distinct[label].method == choice.AUTO
         ]
         learnt = probe.learn((wiring, _some(places)) for _, places, wiring in found)
         made, of = list(chosen.distinct), chosen.of.copy()
@@ -316,8 +360,8 @@ def _settings(merged: Mapping[str, Any], own: Mapping[str, Any], factor: float) 
     if rtol < LEAST_RTOL:
         raise SettingError(f"rtol must be at least {LEAST_RTOL:g}, not {rtol!r}: doubles hold no more")
     method = merged["method"]
-    if method not in METHODS and method != AUTO:
-        raise SettingError(f"unknown method `{method}`; there are {AUTO}, {', '.join(METHODS)}")
+    if method not in METHODS and method != choice.AUTO:
+        raise SettingError(f"unknown method `{method}`; there are {choice.AUTO}, {', '.join(METHODS)}")
     max_step = math.inf if merged["max_step"] == math.inf else _positive("max_step", merged["max_step"])
     min_step = _finite("min_step", merged["min_step"])
     return GroupSettings(method, max(rtol * factor, LEAST_RTOL), atol * factor, max_step, min_step)
