@@ -137,7 +137,8 @@ def _is_scalar(x: Any) -> bool:
 
 
 def _quotient(a: float, b: float) -> float:
-    return float(np.float64(a) / np.float64(b))
+    with np.errstate(all="ignore"):
+        return float(np.float64(a) / np.float64(b))
 
 
 def dialect(meter: Meter) -> dict[str, Any]:

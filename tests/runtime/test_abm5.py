@@ -13,7 +13,9 @@ from scipy.integrate import solve_ivp
 from small_models import DECAY, FOLLOWER, OSCILLATOR, At, a_model
 
 import hierc
+from hierc.runtime.choice import COSTS
 from hierc.runtime.methods.abm5 import GAMMAS, LATER, MILNES
+from hierc.runtime.methods.catalogue import METHODS
 from hierc.runtime.model import Model
 from hierc.runtime.result import Result
 
@@ -97,6 +99,11 @@ def test_how_long_a_stable_step_is(size: float, stable: bool) -> None:
     assert np.diff(finished.groups[0].knots)[10:].min() > size - 0.01
     last = abs(float(finished.groups[0](np.array([400.0]))[0, 0]))
     assert last < 1e-6 if stable else last > 1.0
+
+
+def test_it_is_never_chosen() -> None:
+    assert "abm5" in METHODS
+    assert "abm5" not in COSTS
 
 
 # ---- knots ----------------------------------------------------------------------------------------
