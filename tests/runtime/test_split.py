@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ast
 import math
+from collections.abc import Collection
 
 import numpy as np
 import pytest
 from machine_code import definition
 from random_text import random_function
 
-from hierc.runtime.machine.split import depends, split
+from hierc.runtime.machine.split import depends, narrowed, split
 
 RNG = np.random.default_rng(11)
 
@@ -89,6 +90,29 @@ def test_what_depends_changes_and_nothing_else(seed: int) -> None:
         results.append(dx)
     changing = {k for k in range(6) if len({row[k] for row in results}) > 1}
     assert changing <= moving
+
+
+@pytest.mark.parametrize("entries", [[0], [3], [1, 5], [], range(6)])
+@pytest.mark.parametrize("seed", range(15))
+def test_a_function_for_some_of_its_results(seed: int, entries: Collection[int]) -> None:
+    """Those are what they were; and no statement is left that none of them needs."""
+    whole = definition(random_function(seed))
+    part = narrowed(whole, "dx", entries)
+    arguments = {"t": 0.7, "x": [0.4, -0.2], "u": [0.3], "p": [0.1, -0.4]}
+    wanted, found = [math.nan] * 6, [math.nan] * 6
+    run(whole, {**arguments, "dx": wanted})
+    run(part, {**arguments, "dx": found})
+    assert [found[k] for k in entries] == [wanted[k] for k in entries]
+    assert [k for k in range(6) if math.isnan(found[k])] == [k for k in range(6) if k not in entries]
+    kept = [ast.unparse(s) for s in part.body if not isinstance(s, ast.Pass)]
+    for k, line in enumerate(kept):
+        names = {
+            n.id
+            for n in ast.walk(ast.parse(line))
+            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+        }
+        later = {n.id for text in kept[k + 1 :] for n in ast.walk(ast.parse(text)) if isinstance(n, ast.Name)}
+        assert "dx[" in line or names & later
 
 
 def test_what_moves_out_and_what_stays() -> None:
