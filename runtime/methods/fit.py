@@ -64,6 +64,8 @@ _LANES = 8
 #: A step that is so many times as long as a segment of what it reads is made shorter: of as many equal parts, each holds a place that is looked at. Where
 #: what is computed has branches, these parts are shorter than the segments: another agent may be the largest for a part of one of its own only.
 MOST_SEGMENTS, MOST_SEGMENTS_OF_BRANCHES = 8, 2
+#: What rounding leaves uncertain of a polynomial's value, relative to it.
+ROUNDING = 1e-13
 #: Failed trials of one step before what is computed is blamed.
 MOST_REJECTIONS = 60
 #: Steps that are smaller than usual ones by this factor are taken to come to a jump; at a kink, as an extreme has, they need not be as small.
@@ -190,10 +192,10 @@ def shortest(g: Group, groups: Array[Group]) -> float:
 def blur(g: Group, groups: Array[Group], u: Array[Lanes]) -> None:
     """Add to each input its tolerance, that of the state it is or of its group for an out.
 
-    Signs: over the lanes a row of a Hadamard matrix, so that inputs of different rows do not meet in a mean square; which, and as a whole plus or minus,
-    by chance.
+    Signs: over the lanes one of the eight rows of a Hadamard matrix, so that inputs of different rows do not meet in a mean square; which row, beyond the
+    eighth input, and as a whole plus or minus, is by chance, another one in each trial.
     """
-    chance = 1
+    chance = g.evaluations + 1
     for s in range(g.source_count):
         source = g.sources[s]
         up = groups[source.group]
@@ -204,9 +206,10 @@ def blur(g: Group, groups: Array[Group], u: Array[Lanes]) -> None:
             if channel < up.n:
                 absolute = up.absolute[channel]
             chance = (chance * 1103515245 + 12345) % 2147483648
-            sign = sign_of(chance // 65536, ODD) * sign_of(chance // 131072, PAIRS)
-            sign = sign * sign_of(chance // 262144, HALVES) * sign_of(chance // 524288, NEGATIVE)
-            u[k] = u[k] + sign * (absolute + up.rtol * abs(u[k]))
+            row = k if k < LANES else chance // 65536
+            sign = sign_of(row, ODD) * sign_of(row // 2, PAIRS) * sign_of(row // 4, HALVES)
+            sign = sign * sign_of(chance // 524288, NEGATIVE)
+            u[k] = u[k] + sign * (absolute + (up.rtol + ROUNDING) * abs(u[k]))
 
 
 def sign_of(chance: int, signs: Lanes) -> Lanes:
@@ -251,6 +254,7 @@ class Fit:
             "PAIRS": LaneConstant(tuple(1.0 - 2.0 * (k // 2 % 2) for k in lanes)),
             "HALVES": LaneConstant(tuple(1.0 - 2.0 * (k // 4) for k in lanes)),
             "NEGATIVE": LaneConstant((-1.0,) * _LANES),
+            "LANES": _LANES,
             "SAFETY": _SAFETY,
         }
 
@@ -262,7 +266,6 @@ class Fit:
             "OUT": 0,
             "SEEN": published,
             "BLURRED": 2 * published,
-            "LANES": _LANES,
             "PUBLISHED": published,
             "FIRST_LANE": LaneConstant((1.0,) + (0.0,) * (_LANES - 1)),
             "BETWEEN": LaneTable(_rows(np.vander(_checked(), _LANES, increasing=True).T)),
