@@ -197,13 +197,16 @@ class Engine:
     ) -> FinishedRun:
         """Integrate a system of this plan.
 
-        `settings` holds start stop rtol atol method max_step min_step, `groups` what differs for single groups. Raises ValueError for settings that
+        `settings` holds start stop rtol atol method max_step min_step threads, `groups` what differs for single groups. Raises ValueError for settings that
         do not fit; a run that fails says so in its status.
         """
         start, stop = _finite("start", settings["start"]), _finite("stop", settings["stop"])
         if not stop > start:
             raise SettingError(f"stop ({stop:g} s) must be later than start ({start:g} s)")
         check_interval(start, stop, settings.get("interval"))  # before a long run
+        threads = settings.get("threads", 1)
+        if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
+            raise SettingError(f"threads must be a whole number of at least 1, not {threads!r}")
         chosen = self.group_settings(settings, groups)
         try:
             x = system.initial(start)
@@ -213,7 +216,7 @@ class Engine:
         if not np.isfinite(x).all():
             return self._nothing(system, x, start, stop, _bad_start(system, x))
         simulation = self.begin(system, chosen, x, start, stop, announce)
-        status = simulation.advance(progress, most_steps)
+        status = simulation.advance(progress, most_steps, threads)
         trajectories = simulation.trajectories()
         warnings = (*self._slow(simulation.program), *self._excursions(system, start, trajectories))
         return FinishedRun(

@@ -290,6 +290,12 @@ def _add_run_options(run: argparse.ArgumentParser) -> None:
         help="draw to .png, .pdf or .svg; may be given several times",
     )
     run.add_argument(
+        "--threads",
+        type=int,
+        metavar="N",
+        help="run blocks of groups in threads, for thousands of groups; default 1",
+    )
+    run.add_argument(
         "--verify", action="store_true", help="run again ten times tighter and tell the error of each group"
     )
     run.add_argument(

@@ -16,6 +16,7 @@ from small_models import a_model as a_small_model
 
 import hierc
 from hierc.runtime.contract import Plan
+from hierc.runtime.errors import SettingError
 from hierc.runtime.model import Model
 from hierc.runtime.simulation import Simulation
 from hierc.runtime.status import Status
@@ -111,3 +112,16 @@ agent Both() { agent late = Late(); agent early = Early(); }"""
     said = [re.sub(r"smaller than \S+ s", "smaller", status.message) for status in found]
     assert said[0] == said[1]
     assert "`early.x`" in said[0]
+
+
+def test_threads_by_the_public_interface() -> None:
+    model = hierc.load("platoon", params={"N": 50})
+    alone, together = model.simulate(20), model.simulate(20, threads=2)
+    for name in model.states:
+        assert np.array_equal(alone[name], together[name])
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1.5, True])
+def test_a_number_of_threads_that_is_none_is_refused(threads: int) -> None:
+    with pytest.raises(SettingError, match="threads must be a whole number of at least 1"):
+        hierc.load("cart").simulate(1, threads=threads)
