@@ -37,7 +37,7 @@ def model() -> Model:
 
 @pytest.fixture(scope="module")
 def result(model: Model) -> Result:
-    return model.simulate(stop=0.1)
+    return model.simulate(stop=0.1, group="level")
 
 
 def test_arrays_that_differ_in_size_are_listed_one_by_one(model: Model) -> None:
