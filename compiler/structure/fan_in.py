@@ -25,6 +25,8 @@ from hierc.grammar.source import Span
 WIDTHS: dict[Reduction, int] = {"add": 32, "min": 8, "max": 8}
 #: Scalars up to which a sum over an array is written out.
 FEW = 32
+#: What is joined: how, of which kind, and which scalars.
+_Key = tuple[Reduction, Kind, tuple[int, ...], bytes]
 _NAMES: dict[Reduction, str] = {"add": "sum", "min": "min", "max": "max"}
 
 
@@ -35,15 +37,15 @@ class FanIns:
     storage: Storage
     nodes: list[FlatNode] = field(default_factory=list)
     definitions: list[FlatDefinition] = field(default_factory=list)
-    _made: dict[tuple[Reduction, Kind, bytes], Integers] = field(default_factory=dict)
-    _rows: dict[tuple[Reduction, Kind, bytes], Row] = field(default_factory=dict)
+    _made: dict[_Key, Integers] = field(default_factory=dict)
+    _rows: dict[_Key, Row] = field(default_factory=dict)
     _count: int = 0
 
     def joined(
         self, operation: Reduction, kind: Kind, scalars: Integers, around: Instance, span: Span
     ) -> Integers:
         """For each row of `scalars`, numbers as `Gather` has them, the algebraic variable that joins it. Rows belong to the elements of `around`."""
-        key = (operation, kind, scalars.tobytes())
+        key = (operation, kind, scalars.shape, scalars.tobytes())
         if key not in self._made:
             at: Kind = kind
             layer = scalars
@@ -62,7 +64,7 @@ class FanIns:
         span: Span,
     ) -> Integers:
         """The algebraic variables that join slices of the rows of `scalars`, each alone. The sum of nothing is 0."""
-        key = (operation, kind, scalars.tobytes())
+        key = (operation, kind, scalars.shape, scalars.tobytes())
         if key not in self._rows:
 
             def made(kind: Kind, scalars: Integers, sizes: Integers, places: Integers) -> Integers:
