@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from hierc.runtime.model import Model
     from hierc.runtime.result import Result
 
-_SETTINGS = ("start", "stop", "rtol", "atol", "method", "interval", "max_step", "group")
+_SETTINGS = ("start", "stop", "rtol", "atol", "method", "interval", "max_step", "group", "threads")
 
 
 def check(arguments: Namespace) -> int:
@@ -146,14 +146,10 @@ def bench(arguments: Namespace) -> int:
             raise UsageError(str(error)) from None
     params = parse_params(arguments.params)
     model = loader.prepare(loader.read_file(arguments.file), arguments.experiment, params).model
-    given = {"start": arguments.start, "stop": arguments.stop, "max_step": arguments.max_step}
-    settings = {"start": 0.0, "max_step": math.inf, "stop": None}
-    settings |= {k: v for k, v in model.plan.experiment.settings.items() if k in settings}
-    settings |= {k: v for k, v in given.items() if v is not None}
-    if settings["stop"] is None:
-        raise UsageError(
-            "how long should it run? give --stop SECONDS, or name an experiment that has a `stop`"
-        )
+    given = {name: getattr(arguments, name) for name in ("start", "stop", "max_step")}
+    given = {name: value for name, value in given.items() if value is not None}
+    own = {k: v for k, v in model.plan.experiment.settings.items() if k in ("start", "max_step")}
+    settings = {"start": 0.0, "max_step": math.inf, **own, **given, "stop": _check_stop(model, given)}
     found = bench.bench(model, settings, arguments.tolerances or bench.TOLERANCES, arguments.time_limit, say)
     if arguments.json:
         _print_json(asdict(found))
