@@ -130,6 +130,14 @@ def call(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> Operan
         case (("max" | "min"), [a, b]):
             # As Python has it: the second only if it compares greater (smaller).
             return math.select(math.compare(">" if name == "max" else "<", b, a), b, a)
+        case _:
+            return _of_dialect(low, name, args, node)
+
+
+def _of_dialect(low: Lowering, name: str, args: list[Operand], node: ast.AST) -> Operand | None:
+    """A function of `dialect.py`."""
+    math, builder = low.math, low.builder
+    match name, args:
         case "lane", [Value() as a, int(k)]:
             return math.extract(a, k)
         case "splat", [a]:
