@@ -34,7 +34,7 @@ _SETTINGS = {
     "max_step": math.inf,
     "min_step": 0.0,
     "threads": 1,
-    "group": "auto",
+    "group": "level",
 }
 
 
