@@ -185,15 +185,18 @@ class Simulation:
     def _caught_up(self, outcome: float) -> float:
         """Bring the other groups to where the failed one stands, so that all that can be known is kept.
 
-        One that fails on the way sets the mark lower; returned is the outcome of the last such one, whose number is then in `run`.
+        One that fails on the way sets the mark lower. It is the one that failed, too, unless it reads the other; returned is the outcome of the one
+        that did, whose number is then in `run`.
         """
         failed = int(self.run["group"][0])
         found = outcome
         self.groups["review"][:] = np.iinfo(np.int64).max
         with suppress(ExternError):
             while outcome not in (records.DONE, records.PAUSED, records.FULL):
-                failed, found = int(self.run["group"][0]), outcome
-                mark = self.groups["t"][failed]
+                latest = int(self.run["group"][0])
+                if not self._reads(latest, failed):
+                    failed, found = latest, outcome
+                mark = self.groups["t"][latest]
                 self.groups["stop"][:] = mark
                 self.run["stop"][0], self.run["window"][0], self.run["group"][0] = mark, mark, 0
                 outcome = self._slice()
@@ -203,6 +206,18 @@ class Simulation:
                     outcome = self._slice()
         self.run["group"][0] = failed
         return found
+
+    def _reads(self, reader: int, other: int) -> bool:
+        """Whether a group reads another one, itself or through others."""
+        owners, counts = self.memory.sources["group"], self.groups["source_count"]
+        firsts = np.cumsum(counts) - counts
+        known, new = {reader}, [reader]
+        while new:
+            g = new.pop()
+            above = set(owners[firsts[g] : firsts[g] + counts[g]].tolist()) - known
+            known |= above
+            new += above
+        return other in known - {reader}
 
     def attempt(self, steps: int) -> float:
         """Let the kernel make so many step attempts; returns its outcome. What it does depends on nothing but their number.
