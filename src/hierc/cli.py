@@ -187,12 +187,7 @@ def _parser() -> argparse.ArgumentParser:
         help="write the model as a Python module",
         allow_abbrev=False,
     )
-    translate.add_argument(
-        "-o", dest="output", metavar="FILE.py", action=_Once, help="where to write it; otherwise stdout"
-    )
-    translate.add_argument(
-        "--emit", choices=STAGES, default="python", help="print what a phase of the compiler made"
-    )
+    _add_compile_options(translate)
     graph = commands.add_parser(
         "graph", parents=[file, chosen], help="show groups and who reads what", allow_abbrev=False
     )
@@ -216,6 +211,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_fmt_options(commands.add_parser("fmt", help="lay out model files in one style", allow_abbrev=False))
     return parser
+
+
+def _add_compile_options(translate: argparse.ArgumentParser) -> None:
+    translate.add_argument(
+        "-o", dest="output", metavar="FILE.py", action=_Once, help="where to write it; otherwise stdout"
+    )
+    translate.add_argument(
+        "--emit", choices=STAGES, default="python", help="print what a phase of the compiler made"
+    )
 
 
 def _add_fmt_options(fmt: argparse.ArgumentParser) -> None:
