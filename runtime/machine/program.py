@@ -1,4 +1,4 @@
-"""Machine code for a plan: the kernel, once a machine, and the pieces of each form of group, once a content.
+"""Machine code for a plan: the kernel and the steps of each method, once a machine, and the pieces of each form of group, once a content.
 
 Objects are cached under a hash of everything they were made from: the runtime's own sources, the text of the classes' functions, the form, the
 method, the processor and LLVM. What is found there needs no lowering.
@@ -30,7 +30,6 @@ from hierc.runtime.segments import sample
 
 #: Called with a sentence where something has to be compiled that takes a while.
 Announce = Callable[[str], None]
-_KERNEL = "the integration kernel"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +49,7 @@ class Program:
 
     advance: int
     sample: int
-    steps: dict[str, int]  # by method
+    steps: dict[str, int]  # of the methods that are used
     pieces: dict[tuple[Form, str], Pieces]
     code: Loaded
     links: callees.Links
@@ -65,12 +64,16 @@ def build(
     cache: bool = True,
     timed: bool = False,
 ) -> Program:
-    """Compile, or take from the cache, the kernel and the pieces for each (form, method); `timed`: with timers."""
+    """Compile, or take from the cache, the kernel, the steps of each method and the pieces for each (form, method); `timed`: with timers."""
     store = cache_folder("objects") if cache else None
     methods = every_method()
-    kernel, what = ("timed kernel", "an integration kernel with timers") if timed else ("kernel", _KERNEL)
-    make = functools.partial(_kernel, timed=timed)
-    objects = [cached(store, f"{kernel} {runtime_digest()}", make, announce, what)]
+    common = f"{'timed ' if timed else ''}%s {runtime_digest()}"
+    what = "an integration kernel with timers" if timed else "the integration kernel"
+    objects = [cached(store, common % "kernel", functools.partial(_kernel, timed=timed), announce, what)]
+    used = dict.fromkeys(name for _, name in wanted)
+    for name in used:
+        make = functools.partial(_step, methods[name], timed=timed)
+        objects.append(cached(store, common % f"step of {name}", make, announce, f"the steps of {name}"))
     labels: dict[tuple[Form, str], tuple[str, dict[str, Any]]] = {}
     for form, name in dict.fromkeys(wanted):
         text = description(classes, form, name) + ("\ntimed" if timed else "")
@@ -90,7 +93,7 @@ def build(
         )
         for (form, name), (label, facts) in labels.items()
     }
-    steps = {name: code.address(f"step_{name}") for name in methods}
+    steps = {name: code.address(f"step_{name}") for name in used}
     idle = code.address("idle") if timed else None
     return Program(code.address("advance"), code.address("sample"), steps, pieces, code, links, idle)
 
@@ -101,10 +104,12 @@ def _kernel(*, timed: bool = False) -> tuple[dict[str, Any], Unit]:
         unit.lower(timing.idle, export="idle")
     unit.lower(advance, export="advance")
     unit.lower(sample, export="sample")
-    for method in every_method().values():
-        unit.lower(
-            method.step, lanes=method.lanes, constants=method.step_names(), export=f"step_{method.name}"
-        )
+    return {}, unit
+
+
+def _step(method: Method, *, timed: bool = False) -> tuple[dict[str, Any], Unit]:
+    unit = Unit(f"step_{method.name}", timed=timed)
+    unit.lower(method.step, lanes=method.lanes, constants=method.step_names(), export=f"step_{method.name}")
     return {}, unit
 
 

@@ -23,6 +23,9 @@ def called_outside(text: str) -> set[str]:
 def test_the_schedule_and_the_steps_call_nothing() -> None:
     _, unit = program._kernel()
     assert called_outside(unit.text()) <= MATHEMATICS
+    for method in program.every_method().values():
+        _, unit = program._step(method)
+        assert called_outside(unit.text()) <= MATHEMATICS
 
 
 @pytest.mark.parametrize("method", ["radau13", "dop853"])
