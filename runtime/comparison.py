@@ -61,8 +61,9 @@ def compare(
     """Groupings of a model, the quickest first; arguments and errors as for `grouping.grouped`."""
     engine.group_settings(settings, groups)  # what is wrong with them is told at once
     decided = grouping.decision(engine, system, settings, groups, announce)
+    longer = grouping.scale(engine, settings)
     trials = [
-        _Trial(kinds, engine.with_groups(partition), predicted)
+        _Trial(kinds, engine.with_groups(partition), predicted and longer * predicted)
         for kinds, partition, predicted in _candidates(engine, decided)
     ]
     trials = [trial for trial in trials if trial.prepare(system, settings, groups, announce)]

@@ -89,7 +89,7 @@ class ByGroup(Mapping[str, V]):
         return f"`{group}` is {len(meant)} groups: name one, such as `{meant[0]}`, or look at `families`"
 
     def __contains__(self, group: object) -> bool:
-        return group in self._places
+        return group in self._places or group in self._joined
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._places)

@@ -5,8 +5,8 @@ neighbours whose steps differ cost more, since all of it takes the shortest ones
 from a probe with the groups as compiled. Which neighbours to join is then a shortest path.
 
 What is decided depends on the model with the parameters that it was loaded with and on the settings of a run, not on the parameters of a single run: runs that
-differ only in these are integrated alike. The constants are measured by `benchmarks/groupings.py` and are part of the text, so that the same model has the same
-groups on every machine.
+differ only in these are integrated alike. The constants were fitted to measured runs of the gallery in different groups, and are
+part of the text, so that the same model has the same groups on every machine; `benchmarks/groupings.py` shows how well they predict.
 """
 
 from __future__ import annotations
@@ -134,11 +134,14 @@ def decision(
     groups: Mapping[str, Mapping[str, Any]],
     announce: Announce | None = None,
 ) -> Decision | None:
-    """Which groups to join; None where there is nothing to decide, or nothing to go by as the run fails at once. Remembered for equal systems and settings."""
+    """Which groups to join; None where there is nothing to decide, or nothing to go by as the run fails at once. Remembered for equal systems and settings.
+
+    Decided and predicted for the model's own experiment where it says how long that takes, so that runs piece by piece are integrated alike and decide once.
+    """
     if not 1 < engine.elements.groups <= MOST_GROUPS:
         return None
     chosen = engine.group_settings(settings, groups)
-    span = float(settings["start"]), float(settings["stop"])
+    span = _span(engine, settings)
     key = (system.parameters.tobytes(), chosen.distinct, chosen.of.tobytes(), *span)
     if key not in engine.groupings:
         _, own = engine.own_settings(settings, groups)
@@ -146,6 +149,19 @@ def decision(
             del engine.groupings[next(iter(engine.groupings))]
         engine.groupings[key] = _decided(engine, system, chosen, own, span, announce)
     return engine.groupings[key]
+
+
+def _span(engine: Engine, settings: Mapping[str, Any]) -> tuple[float, float]:
+    """Start and stop that are decided for, s."""
+    own = engine.plan.experiment.settings
+    meant = {"start": 0.0, **own} if own.get("stop") is not None else settings
+    return float(meant["start"]), float(meant["stop"])
+
+
+def scale(engine: Engine, settings: Mapping[str, Any]) -> float:
+    """By how much the run is longer than what estimates are for."""
+    start, stop = _span(engine, settings)
+    return (float(settings["stop"]) - float(settings["start"])) / (stop - start)
 
 
 def _decided(

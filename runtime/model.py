@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from hierc.runtime.contract import CONTRACT, Plan
 from hierc.runtime.costs import cost_of
 from hierc.runtime.errors import RunWarning, SettingError
-from hierc.runtime.grouping import grouped
+from hierc.runtime.grouping import decision, grouped
 from hierc.runtime.parameters import Parameters, ParameterValue, parameter_vector
 from hierc.runtime.paths import Catalogue
 from hierc.runtime.result import Interrupted, Result, SimulationError
-from hierc.runtime.run import Engine
+from hierc.runtime.run import Engine, span
 from hierc.runtime.system import System
 from hierc.runtime.verification import check_verifiable, verified
 
@@ -82,10 +82,20 @@ class Model:
     def _own(self) -> System:
         return self.system()
 
+    @cached_property
+    def _joined(self) -> dict[int, System]:
+        """The same in other groups, by the identity of its engine, which lives as long as ours."""
+        return {}
+
     def _system(self, params: Mapping[str, object] | None, engine: Engine) -> System:
         """The equations as an engine of this model has them, whose groups may be others."""
         here = self.system(params) if params else self._own
-        return here if engine is self.engine else replace(here, plan=engine.plan, expansion=engine.elements)
+        if engine is self.engine:
+            return here
+        known = {} if params else self._joined
+        if id(engine) not in known:
+            known[id(engine)] = replace(here, plan=engine.plan, expansion=engine.elements)
+        return known[id(engine)]
 
     @property
     def parameters(self) -> dict[str, ParameterValue]:
@@ -153,7 +163,7 @@ class Model:
 
         What is left out is taken from the experiment, then from the defaults (rtol 1e-6, atol = rtol, method "auto"). `params` replaces
         parameters by path. `group` says which groups there are: "level" (the default) leaves them as they are written, "auto" joins neighbours in the
-        cascade where that is predicted to cost less, "agent" has each agent by itself, "one" all together.
+        cascade where that is predicted to cost less (`Result.gain` tells how much), "agent" has each agent by itself, "one" all together.
         With `threads` above 1 blocks of groups run in threads, which pays from some thousand groups on and changes no bit of the results.
         `verify` has it run again ten times tighter: the error is then in `Result.verification`. `costs` has it run again with timers: where the time went is
         then in `Result.costs`.
@@ -169,6 +179,7 @@ class Model:
         if verify:
             check_verifiable(chosen, groups)
         engine = grouped(self.engine, str(chosen["group"]), self._own, chosen, groups, announce)
+        gain = self._gain(engine, chosen, groups)
         system = self._system(params, engine)
         finished = engine.run(system, chosen, groups, most_steps, progress, announce)
         for text in finished.warnings:
@@ -180,6 +191,7 @@ class Model:
             settings=shown,
             params={**self.built, **self.params, **(params or {})},
         )
+        result.gain = gain
         if finished.status.name == "INTERRUPTED":
             raise Interrupted(result)
         if not finished.status.ok:
@@ -191,6 +203,15 @@ class Model:
                 engine, finished, chosen, groups, progress=progress, announce=announce
             )
         return result
+
+    def _gain(
+        self, engine: Engine, chosen: Mapping[str, Any], groups: Mapping[str, Mapping[str, Any]]
+    ) -> float | None:
+        """How many times as fast a run is predicted to be in the groups of `engine`; None where they are not those of a decision."""
+        if engine is self.engine or chosen["group"] != "auto":
+            return None
+        found = decision(self.engine, self._own, chosen, groups)  # remembered
+        return None if found is None else found.levels.seconds / found.chosen.seconds
 
     def compare_groups(
         self,
@@ -217,6 +238,7 @@ class Model:
             raise SettingError(f"how long should {self.plan.name} run? give stop= in seconds")
         if given.get("atol") is None and (given.get("rtol") is not None or "atol" not in own):
             chosen["atol"] = chosen["rtol"]
+        span(chosen)  # what is wrong with it is told before anything else is done
         return chosen
 
     def _overrides(self, given: Mapping[str, object]) -> dict[str, dict[str, Any]]:

@@ -79,6 +79,10 @@ class Run(Protocol):
         """In cascade order."""
 
     @property
+    def compiled(self) -> Elements:
+        """The model's elements in groups as they were compiled, which may be others than those of the run."""
+
+    @property
     def joined(self) -> Mapping[str, int]:
         """The places of the groups that others, by their names as the model has them, are part of."""
 
@@ -132,6 +136,8 @@ class Result:
         self.costs: Costs | None = None
         #: The error as a tighter run shows it, where that was asked for.
         self.verification: Verification | None = None
+        #: Where groups were joined as that was predicted to cost less: how many times as fast as with groups as written.
+        self.gain: float | None = None
 
     @property
     def model(self) -> str:
@@ -305,8 +311,9 @@ class Result:
         return chosen
 
     def panels(self) -> dict[str, list[str]]:
-        """The recorded names by the group that integrates them (or its array); what belongs to no group stands under the model's name."""
-        families = list(dict.fromkeys(f.name.replace("[]", "") for f in self._elements.families))
+        """The recorded names by their group as written (or its array), whatever groups the run had; what belongs to none stands under the model's name."""
+        written = self._run.compiled
+        families = list(dict.fromkeys(f.name.replace("[]", "") for f in written.families))
         found: dict[str, list[str]] = {title: [] for title in [*families, self.model]}
         for name in self.recorded:
             home = self._home(self._find(name))
@@ -314,14 +321,15 @@ class Result:
         return {title: names for title, names in found.items() if names}
 
     def _home(self, selection: Selection) -> str | None:
-        """The name of the groups that integrate a variable; None where it belongs to none."""
+        """The name of the groups as written that a variable is in; None where it belongs to none."""
+        written = self._run.compiled
         variable = self._variable(selection)
         if not variable.elements:
             return None
         row = int(selection.named.row[selection.chosen[0]])
         element = int(expanded(variable.elements[0][0], variable.count)[row])
-        home = int(self._elements.home[element])
-        return None if home < 0 else self._elements.families[int(self._elements.family[home])].name
+        home = int(written.home[element])
+        return None if home < 0 else written.families[int(written.family[home])].name
 
     def to_csv(self, path: str | Path, names: Iterable[str] | None = None) -> None:
         """Write a table: a column `time` and one a scalar (default: what is recorded). Raises OSError, KeyError."""

@@ -72,6 +72,11 @@ class FinishedRun:
         return self.system.plan
 
     @property
+    def compiled(self) -> Elements:
+        """The model's elements in groups as they were compiled."""
+        return self.variables.elements if self.origin is None else self.origin.elements
+
+    @property
     def joined(self) -> dict[str, int]:
         """The places of the groups that others, by their names as the model has them, are part of."""
         return {} if self.origin is None else dict(self.origin.names())
@@ -200,9 +205,7 @@ class Engine:
         `settings` holds start stop rtol atol method max_step min_step threads, `groups` what differs for single groups. Raises ValueError for settings that
         do not fit; a run that fails says so in its status.
         """
-        start, stop = _finite("start", settings["start"]), _finite("stop", settings["stop"])
-        if not stop > start:
-            raise SettingError(f"stop ({stop:g} s) must be later than start ({start:g} s)")
+        start, stop = span(settings)
         check_interval(start, stop, settings.get("interval"))  # before a long run
         threads = settings.get("threads", 1)
         if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
@@ -368,6 +371,14 @@ def _settings(merged: Mapping[str, Any], own: Mapping[str, Any], factor: float) 
     max_step = math.inf if merged["max_step"] == math.inf else _positive("max_step", merged["max_step"])
     min_step = _finite("min_step", merged["min_step"])
     return GroupSettings(method, max(rtol * factor, LEAST_RTOL), atol * factor, max_step, min_step)
+
+
+def span(settings: Mapping[str, Any]) -> tuple[float, float]:
+    """When a run starts and stops, s. Raises SettingError."""
+    start, stop = _finite("start", settings["start"]), _finite("stop", settings["stop"])
+    if not stop > start:
+        raise SettingError(f"stop ({stop:g} s) must be later than start ({start:g} s)")
+    return start, stop
 
 
 def _finite(name: str, value: object) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hierc.runtime import choice, records
-from hierc.runtime.columns import median
+from hierc.runtime.columns import distinct, median
 from hierc.runtime.elements import Elements
 from hierc.runtime.errors import ExternError, SettingError
 from hierc.runtime.externs import Watch
@@ -43,6 +43,8 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 #: What one call of the kernel should take, s.
 _SLICE = 0.02
+#: A failure is blamed on the first element of a group that moves this part as fast as the fastest one.
+_BLAMED = 0.1
 #: Bytes of segments beyond which a run is stopped.
 _MOST_BYTES = 4 << 30
 
@@ -359,7 +361,10 @@ class Simulation:
         return Status("TOO_MANY_STEPS", f"group `{name}` took {most} steps and is only at t = {t:.6g} s")
 
     def _culprit(self, g: int) -> tuple[str, str, bool]:
-        """Name and place of the state that failed: one whose derivative is not finite there, else the largest relative derivative."""
+        """Name and place of the state that failed, and whether it is finite there: the first whose derivative is not.
+
+        Else the largest relative derivative of the first element that comes near the largest of all: what reads that one may move even faster.
+        """
         t = float(self.groups["t"][g])
         x = self._states_at(t, g)
         own = self._slice_of(g)
@@ -371,8 +376,13 @@ class Simulation:
             bad = ~np.isfinite(slope[own]) | ~np.isfinite(state[own])
             if bad.any():
                 return *self.system.state_at(own.start + int(np.argmax(bad))), False
-        k = int(np.argmax(np.abs(dx[own]) / (1.0 + np.abs(x[own]))))
-        return *self.system.state_at(own.start + k), True
+        speeds = np.abs(dx[own]) / (1.0 + np.abs(x[own]))
+        offsets = self.elements.offsets[self.elements.nodes_of(g)] - own.start
+        firsts = distinct(offsets[offsets < len(speeds)])
+        fastest = np.maximum.reduceat(speeds, firsts)
+        k = int(firsts[np.argmax(fastest >= _BLAMED * fastest.max())])
+        last = int(np.append(firsts, len(speeds))[np.searchsorted(firsts, k, "right")])
+        return *self.system.state_at(own.start + k + int(np.argmax(speeds[k:last]))), True
 
     def _slice_of(self, g: int) -> slice:
         """Where a group's states stand in the state vector."""

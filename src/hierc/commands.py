@@ -360,6 +360,10 @@ def _report(result: Result, loaded: loader.Loaded, compiling: float, running: fl
         show_groups(result.families)
     elif result.status.ok:
         say("  no states: nothing to integrate")
+    if result.gain is not None:
+        say(
+            f"groups joined: predicted to be {result.gain:.2g} times as fast as by levels; --compare measures it"
+        )
     if result.costs is not None:
         show_costs(result.costs)
     if result.verification is not None:

@@ -96,6 +96,6 @@ def test_results_are_exact_sums_of_the_states() -> None:
 
 
 def test_verification_looks_at_what_has_states() -> None:
-    found = model().simulate(rtol=1e-5, atol=1e-5, verify=True).verification
+    found = model().simulate(rtol=1e-5, atol=1e-5, group="level", verify=True).verification
     assert found is not None
     assert [group.name for group in found.groups] == ["car[1..40]", "f[1..40]"]

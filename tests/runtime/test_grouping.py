@@ -19,6 +19,7 @@ from hierc.runtime.elements import Elements
 from hierc.runtime.errors import SettingError
 from hierc.runtime.grouping import CLEARLY, Neighbours, _Arrays, decision, partition
 from hierc.runtime.model import Model
+from hierc.runtime.result import SimulationError
 from hierc.runtime.system import System
 
 Integers = NDArray[np.int64]
@@ -365,3 +366,55 @@ def test_comparison_tells_what_fails() -> None:
     (row,) = model.compare_groups(stop=3)
     assert row.measured is None
     assert "step of group `a`" in row.failure.lower()
+
+
+@pytest.mark.parametrize("group", ["auto", "level", "agent", "one"])
+@pytest.mark.parametrize("pull", ["x", "x'"])
+def test_the_state_that_fails_is_named_in_any_groups(group: str, pull: str) -> None:
+    """x' = x^2 has a pole at 1 s; what follows it moves as fast, or faster."""
+    model = hierc.load(
+        f"""
+agent Bad() {{ write real x = 1, f; alge {{ f = x^2; }} diff {{ x' = f; }} }}
+agent After() {{ read real goal; write real y = 0; diff {{ y' = 1000*({"goal - y" if pull == "x" else "goal"}); }} }}
+agent All() {{
+  level one {{ agent bad = Bad(); }}
+  level two {{ agent after = After() [goal := bad.{"x" if pull == "x" else "f"}]; }}
+}}"""
+    )
+    with pytest.raises(SimulationError, match=r"`bad\.x` \(line 2\)") as caught:
+        model.simulate(2.0, group=group)
+    assert caught.value.result.t_reached == pytest.approx(1.0, abs=1e-3)
+
+
+def test_panels_follow_the_groups_as_written(levels: Model) -> None:
+    shown = levels.simulate(group="level").panels()
+    assert list(shown) == ["one", "two", "three"]
+    for group in ("auto", "agent", "one"):
+        assert levels.simulate(group=group).panels() == shown
+
+
+def test_the_gain_of_joining_is_told(levels: Model) -> None:
+    found = decision(levels.engine, levels.system(), {**BASE, "rtol": 1e-8, "atol": 1e-8}, {})
+    assert found is not None
+    joined = levels.simulate(group="auto")
+    assert joined.settings["group"] == "auto"
+    assert len(joined.stats) < 3
+    assert joined.gain == found.levels.seconds / found.chosen.seconds > 1.0
+    assert "two" in joined.stats
+    assert levels.simulate(group="one").gain is None
+    assert levels.simulate(group="level").gain is None
+
+
+def test_runs_piece_by_piece_decide_once(levels: Model) -> None:
+    levels.engine.groupings.clear()
+    named = [
+        [*levels.simulate(start=t, stop=t + 0.3, rtol=1e-5, group="auto").stats] for t in (0.0, 0.3, 0.6)
+    ]
+    assert len(levels.engine.groupings) == 1
+    assert named[0] == named[1] == named[2]
+
+
+@pytest.mark.parametrize("stop", ["soon", 0, float("nan"), True])
+def test_a_wrong_stop_is_told_before_anything_is_decided(levels: Model, stop: Any) -> None:
+    with pytest.raises(SettingError, match="stop"):
+        levels.simulate(stop)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hierc.runtime.contract import CONTRACT, Class, Experiment, Group, Node, Plan, Variable
-from hierc.runtime.elements import expand
+from hierc.runtime.elements import Elements, expand
 from hierc.runtime.observation import Variables
 from hierc.runtime.result import Floats, GroupStats, Result, output_times
 from hierc.runtime.status import Status
@@ -111,6 +111,10 @@ class FakeRun:
 
     def __post_init__(self) -> None:
         self.variables = Variables(expand(self.plan))
+
+    @property
+    def compiled(self) -> Elements:
+        return self.variables.elements
 
     def evaluate(self, paths: Sequence[str], t: Floats) -> Mapping[str, Floats]:
         self.asked.append(tuple(paths))

@@ -73,7 +73,11 @@ def test_tolerances_without_room_below_them_are_refused_before_the_run() -> None
 
 
 def test_arrays_are_told_together() -> None:
-    found = hierc.load("platoon", params={"N": 40}).simulate(stop=20, rtol=1e-5, verify=True).verification
+    found = (
+        hierc.load("platoon", params={"N": 40})
+        .simulate(stop=20, rtol=1e-5, group="level", verify=True)
+        .verification
+    )
     assert found is not None
     assert [v.name for v in found.groups] == ["lead", "car[1..40]"]
     assert found.groups[1].state.startswith("car[")
