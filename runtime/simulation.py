@@ -29,6 +29,7 @@ from hierc.runtime.machine.dialect import RecordArray
 from hierc.runtime.machine.forms import Wiring
 from hierc.runtime.machine.program import Announce, Pieces
 from hierc.runtime.machine.timing import PARTS
+from hierc.runtime.pace import Pace
 from hierc.runtime.status import Status
 from hierc.runtime.switching import Reviews
 from hierc.runtime.system import System
@@ -41,8 +42,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-#: What one call of the kernel should take, s.
-_SLICE = 0.02
 #: A failure is blamed on the first element of a group that moves this part as fast as the fastest one.
 _BLAMED = 0.1
 #: Bytes of segments beyond which a run is stopped.
@@ -122,7 +121,7 @@ class Simulation:
         prototype = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
         self._advance: Callable[[int, int], float] = prototype(self.program.advance)
         self._reviews = Reviews(settings.methods)
-        self._budget = 64
+        self._pace = Pace()
         #: The step under way when an extern failed: its group, where that group stood, how many segments it had.
         self._abandoned = (0, start, 0)
         self._failed: ExternError | None = None
@@ -247,10 +246,9 @@ class Simulation:
     def _slice(self) -> float:
         """One call of the kernel, its budget adapted to the time calls take."""
         began = time.perf_counter()
-        outcome = self.attempt(self._budget)
-        spent = time.perf_counter() - began
+        outcome = self.attempt(self._pace.budget)
         if outcome == records.PAUSED:
-            self._budget = int(min(max(self._budget * _SLICE / max(spent, 1e-6), 16), self._budget * 8))
+            self._pace.learn(time.perf_counter() - began)
         return outcome
 
     def _grow(self, g: int) -> bool:

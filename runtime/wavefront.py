@@ -7,6 +7,7 @@ after its segment (`segments.finish`, `segments.covered`), and memory grows only
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager
@@ -16,13 +17,12 @@ import numpy as np
 from hierc.runtime import records
 from hierc.runtime.layout import Memory
 from hierc.runtime.machine.dialect import RecordArray
+from hierc.runtime.pace import Pace
 
 #: Steps of the fastest group in the first window.
 _FIRST_STEPS = 16.0
 #: How many steps a block's work on a window should take: long beside waking a thread, short beside a run worth threads.
 _FEW, _MANY = 4_000, 16_000
-#: Step attempts of a block between two looks at the keyboard.
-_BUDGET = 20_000
 #: Cost of a step beside that of one of its states.
 _STEP = 15.0
 
@@ -40,6 +40,7 @@ class Wavefront(AbstractContextManager["Wavefront"]):
         for b in range(1, blocks):
             memory.separate(*self._bounds[b : b + 2])
         self._runs = [RecordArray(records.Run, 1) for _ in range(blocks)]
+        self._paces = [Pace() for _ in range(blocks)]
         self._ends = [float(run["window"][0])]
         self._length, self._steps = 0.0, 0  # of the last window, and all until it began
         self._done = [0] * blocks  # windows of each block
@@ -80,8 +81,12 @@ class Wavefront(AbstractContextManager["Wavefront"]):
         return self._done[b] < (len(self._ends) if b == 0 else self._done[b - 1])
 
     def _work(self, b: int) -> float:
-        self._runs[b]["budget"][0] = _BUDGET
-        return self._advance(self._runs[b].address, self._groups.address)
+        self._runs[b]["budget"][0] = self._paces[b].budget
+        began = time.perf_counter()
+        outcome = self._advance(self._runs[b].address, self._groups.address)
+        if outcome == records.PAUSED:
+            self._paces[b].learn(time.perf_counter() - began)
+        return outcome
 
     def _begin_window(self, b: int) -> None:
         run, number = self._runs[b], self._done[b]

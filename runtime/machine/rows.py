@@ -28,7 +28,7 @@ Number = Any
 def each_row(
     unit: Unit, builder: ir.IRBuilder, table: Sequence[Sequence[int]], *, backwards: bool = False
 ) -> Iterator[list[Number]]:
-    """A loop over the rows of a table, all equally long, or over none: what is emitted within is done for each. Gives the row's numbers."""
+    """A loop over the rows of a table, at least one and all equally long: what is emitted within is done for each. Gives the row's numbers."""
     with counted(builder, len(table)) as count:
         row = builder.sub(ir.Constant(I64, len(table) - 1), count) if backwards else count
         yield _numbers(unit, builder, table, row)

@@ -147,7 +147,7 @@ def test_calls_of_any_length(budget: int, monkeypatch: pytest.MonkeyPatch) -> No
     take = simulation.Simulation._slice
 
     def slice_of_fixed_size(self: simulation.Simulation) -> float:
-        self._budget = budget
+        self._pace.budget = budget
         return take(self)
 
     monkeypatch.setattr(simulation.Simulation, "_slice", slice_of_fixed_size)

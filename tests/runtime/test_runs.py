@@ -213,7 +213,7 @@ def test_calls_of_any_length(method: str, monkeypatch: pytest.MonkeyPatch) -> No
 
         def slice_of_fixed_size(self: simulation.Simulation, budget: int = budget) -> float:
             calls.append(budget)
-            self._budget = budget
+            self._pace.budget = budget
             return take(self)
 
         with monkeypatch.context() as patch:

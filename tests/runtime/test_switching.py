@@ -114,7 +114,7 @@ def test_calls_of_any_length(
     for budget in (1, 7, 1000):
 
         def slice_of_fixed_size(self: simulation.Simulation, budget: int = budget) -> float:
-            self._budget = budget
+            self._pace.budget = budget
             return take(self)
 
         with monkeypatch.context() as patch:

@@ -18,6 +18,7 @@ import hierc
 from hierc.runtime.contract import Plan
 from hierc.runtime.errors import SettingError
 from hierc.runtime.model import Model
+from hierc.runtime.pace import Pace
 from hierc.runtime.simulation import Simulation
 from hierc.runtime.status import Status
 
@@ -70,7 +71,7 @@ def test_many_short_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hierc.runtime.wavefront._FIRST_STEPS", 1.0)
     monkeypatch.setattr("hierc.runtime.wavefront._FEW", 20)
     monkeypatch.setattr("hierc.runtime.wavefront._MANY", 100)
-    monkeypatch.setattr("hierc.runtime.wavefront._BUDGET", 17)
+    monkeypatch.setattr("hierc.runtime.pace.SLICE", 0.0)
     model = a_model(platoon(24))
     assert_equal(simulated(model, 1, 60.0)[0], simulated(model, 4, 60.0)[0])
 
@@ -125,3 +126,19 @@ def test_threads_by_the_public_interface() -> None:
 def test_a_number_of_threads_that_is_none_is_refused(threads: int) -> None:
     with pytest.raises(SettingError, match="threads must be a whole number of at least 1"):
         hierc.load("cart").simulate(1, threads=threads)
+
+
+def test_calls_become_short_where_steps_are_slow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in one thread: a call of the kernel should take some hundredths of a second, whatever a step costs."""
+    budgets: list[int] = []
+
+    class Watched(Pace):
+        def learn(self, spent: float) -> None:
+            super().learn(1000 * spent)
+            budgets.append(self.budget)
+
+    monkeypatch.setattr("hierc.runtime.wavefront.Pace", Watched)
+    monkeypatch.setattr("hierc.runtime.wavefront._FIRST_STEPS", 1e9)
+    model = a_model(platoon(12))
+    assert_equal(simulated(model, 1, 20.0)[0], simulated(model, 2, 20.0)[0])
+    assert min(budgets) < 100
