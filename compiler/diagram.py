@@ -112,17 +112,23 @@ def _folded(model: Model, sources: list[dict[int, dict[Scalar, Integers]]]) -> s
     for node in model.nodes:
         if not node.states and " " in node.path:  # no name of a user's: a sum or the like
             joined.setdefault(node.path, []).append(node.id)
-    inner: set[int] = set()
-    for *others, last in joined.values():
-        inner.update(others)
-        for other in others:
-            for owner, read in sources[other].items():
-                scalars = sources[last].setdefault(owner, {})
-                for scalar, numbers in read.items():
-                    scalars[scalar] = np.union1d(scalars.get(scalar, numbers), numbers)
-        for other in others:
-            sources[last].pop(other, None)
-    return inner
+    into = {other: last for *others, last in joined.values() for other in others}
+    for other, last in into.items():
+        _add(sources[last], sources[other])
+    for node, read in enumerate(sources):  # a part of a slice is read by itself too
+        for other in into.keys() & read.keys():
+            _add(read, {into[other]: read.pop(other)})
+        if node in into.values():
+            read.pop(node, None)
+    return set(into)
+
+
+def _add(read: dict[int, dict[Scalar, Integers]], more: Mapping[int, Mapping[Scalar, Integers]]) -> None:
+    """Read what is in `more` too."""
+    for owner, scalars in more.items():
+        known = read.setdefault(owner, {})
+        for scalar, numbers in scalars.items():
+            known[scalar] = np.union1d(known.get(scalar, numbers), numbers)
 
 
 def _held(group: Group, elements: Elements) -> list[int]:

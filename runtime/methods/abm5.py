@@ -28,7 +28,7 @@ from hierc.runtime.methods.explicit import Explicit, complete, initial, read_at_
 from hierc.runtime.methods.method import Names, Piece
 from hierc.runtime.methods.tsit5 import TSIT5
 from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
-from hierc.runtime.segments import finish, read_inputs, segment
+from hierc.runtime.segments import covered, finish, read_inputs, segment
 
 #: Adams-Bashforth in backward differences, and the corrector's; see `abm5_pieces.py`.
 GAMMAS = (Fraction(1), Fraction(1, 2), Fraction(5, 12), Fraction(3, 8), Fraction(251, 720))
@@ -74,6 +74,8 @@ def step(g: Group, groups: Array[Group]) -> float:
     if mark <= g.t:
         return WAITING
     if g.h <= 0.0:
+        if not covered(g, groups, g.t):
+            return WAITING
         g.origin = g.t
         g.ceiling = g.stop - g.t
         read_inputs(g, groups, splat(g.t), g.t, g.t, g.u)
@@ -82,6 +84,8 @@ def step(g: Group, groups: Array[Group]) -> float:
     while True:
         if not divide(g, mark):
             return TOO_SMALL
+        if not covered(g, groups, g.end):
+            return WAITING
         error = attempt_step(g, groups)
         if error < 1.0:
             close(g, groups, error)
@@ -97,13 +101,18 @@ def step(g: Group, groups: Array[Group]) -> float:
 
 
 def next_knot(g: Group, groups: Array[Group]) -> float:
-    """Where the step must end at the latest: at the next knot of what the group reads. Not after g.t where that is not known yet."""
+    """Where the step must end at the latest: at the next knot of what the group reads. Not after g.t where that is not known yet.
+
+    What has no states follows the steps of those that it reads, and its own knots stand close to theirs: nobody lands on them.
+    """
     mark = g.stop
     for s in range(g.source_count):
         source = g.sources[s]
         up = groups[source.group]
+        if up.n == 0:
+            continue
         if up.t <= g.t:
-            return up.t
+            return g.t
         acquire()
         k = source.cursor
         while segment(up, k)[1] <= g.t:

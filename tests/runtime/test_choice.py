@@ -30,7 +30,7 @@ def test_small_groups_are_implicit() -> None:
 
 def test_large_dense_groups_are_explicit_unless_stiff() -> None:
     large = replace(SMALL, states=60, flops=4000, updates=70_000, entries=3600)
-    assert choose(large) in {"tsit5", "dop853"}
+    assert choose(large) == "adams"  # what is not checked between knots is taken by name only
     assert choose(replace(large, spectral_radius=lambda: 1e5)) == FAVOURITE
 
 
@@ -66,7 +66,7 @@ def test_a_run_reports_its_choice() -> None:
 }}"""
     loose = hierc.load(text.format(extra="")).simulate(stop=2.0)
     stiff = hierc.load(text.format(extra="- 1e5*(x[i] - cos(1 [1/s]*time))")).simulate(stop=2.0)
-    assert {s.method for s in loose.stats.values()} <= {"tsit5", "dop853"}
+    assert {s.method for s in loose.stats.values()} == {"adams"}
     assert {s.method for s in stiff.stats.values()} == {FAVOURITE}
 
 
