@@ -55,6 +55,10 @@ V = TypeVar("V")
 MANY = 7
 
 
+#: Groups that a mapping by groups names when it is printed.
+_SHOWN = 6
+
+
 class ByGroup(Mapping[str, V]):
     """Something for each group by its name, made when it is asked for; what names no group, or several, is explained.
 
@@ -93,6 +97,9 @@ class ByGroup(Mapping[str, V]):
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._places)
+
+    def __repr__(self) -> str:
+        return f"<{len(self._names)} groups: {', '.join(self._names[:_SHOWN])}{', …' if len(self._names) > _SHOWN else ''}>"
 
     def __len__(self) -> int:
         return len(self._places)

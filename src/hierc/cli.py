@@ -253,7 +253,7 @@ def _add_bench_options(bench: argparse.ArgumentParser) -> None:
 def _tolerances(text: str) -> tuple[float, ...]:
     found = tuple(map(_number, text.split(",")))
     if not all(1e-14 <= tolerance < 1.0 for tolerance in found):
-        raise argparse.ArgumentTypeError(f"tolerances are between 1e-14 and 1, not `{text}`")
+        raise argparse.ArgumentTypeError(f"tolerances are at least 1e-14 and below 1, not `{text}`")
     return found
 
 

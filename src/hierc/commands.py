@@ -182,7 +182,7 @@ def _compare(arguments: Namespace) -> int:
         _print_json({"model": model.plan.name, "groupings": [asdict(row) for row in rows]})
     else:
         sys.stdout.write(groupings(rows))
-    return OK
+    return OK if any(row.measured is not None for row in rows) else NUMERICAL_FAILURE
 
 
 def graph(arguments: Namespace) -> int:

@@ -172,7 +172,7 @@ def _legend(diagram: Diagram, marks: Marks, *, shown: bool) -> Iterator[str]:
         inside = f"   {marks.same_block} same group{', or reading in turn' * rounds}" if pairs else ""
         yield f"Rows read columns: {own}   {marks.reads} reads{inside}"
     if any(member.group is None for member in diagram.members):
-        yield "What has no states is in no group (-): it is computed where it is read."
+        yield "What has no states is in no group (-): it is computed where it is read, or once, if many groups read it."
 
 
 # ---- other tools -----------------------------------------------------------------------------------------------------------------
