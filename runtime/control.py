@@ -94,11 +94,14 @@ def after_rejection(g: Group, error: float, safety: float) -> None:
 
 
 def watch_stability(g: Group, radius: float) -> None:
-    """Count the steps lately that the method's stability seems to bound; where they are many, ask for a review (Hairer and Wanner, IV.2)."""
+    """Count the steps lately that the method's stability seems to bound; where they are many, ask for a review (Hairer and Wanner, IV.2).
+
+    After one that changed nothing, only when patience ends or steps have become much shorter.
+    """
     if g.stiffness > radius:
-        g.limited += 1
+        g.limited = min(g.limited + 1, SEEM_STIFF)
     else:
         g.limited = max(0, g.limited - 3)
-    if g.limited == SEEM_STIFF:
+    if g.limited >= SEEM_STIFF and (g.steps >= g.patience or g.trial < g.alarm):
         g.limited = 0
         g.review = g.steps

@@ -69,11 +69,14 @@ class Group(Record):
     order_now: int
     alike: int  # accepted steps of equal size in a row
     regular: int  # rows of the method's tables that are those of equal steps
+    began: int  # segments there were when the method began
     # whether the method is the right one
-    watched: int  # 1 where it may be changed
+    watched: int  # 1 where stability is looked at
     stiffness: float  # the step times how fast the right-hand side moves with the states, in the last two evaluations of a step
     limited: int  # steps lately that stability seems to bound
     review: int  # the number of steps at which to ask
+    patience: int  # the number of steps before which stability is no reason to ask …
+    alarm: float  # … unless steps are shorter than this
     # states, values of parameters, tolerances; these arrays are parts of one block
     n: int
     x: Array[float]

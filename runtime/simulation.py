@@ -172,7 +172,7 @@ class Simulation:
                         )
                 elif outcome == records.REVIEW:
                     self._reviews.review(self, int(self.run["group"][0]))
-                elif outcome != records.PAUSED:
+                elif outcome != records.PAUSED and not self._withdraws(outcome):
                     return self._failure(self._caught_up(outcome))
                 if progress is not None:
                     progress(float(self.groups["t"].min()))
@@ -183,6 +183,11 @@ class Simulation:
         except KeyboardInterrupt:
             return Status("INTERRUPTED", f"interrupted at {self.reached:.6g} s")
 
+    def _withdraws(self, outcome: float) -> bool:
+        """Whether the group that cannot go on only tried its method: it goes on with the one before."""
+        failed = outcome in (records.TOO_SMALL, records.NOT_FINITE)
+        return failed and self._reviews.withdraw(self, int(self.run["group"][0]))
+
     def _caught_up(self, outcome: float) -> float:
         """Bring the other groups to where the failed one stands, so that all that can be known is kept.
 
@@ -191,7 +196,7 @@ class Simulation:
         """
         failed = int(self.run["group"][0])
         found = outcome
-        self.groups["review"][:] = np.iinfo(np.int64).max
+        self.groups["review"][:], self.groups["watched"][:] = np.iinfo(np.int64).max, 0
         with suppress(ExternError):
             while outcome not in (records.DONE, records.PAUSED, records.FULL):
                 latest = int(self.run["group"][0])

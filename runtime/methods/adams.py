@@ -74,6 +74,7 @@ def step(g: Group, groups: Array[Group]) -> float:
         read_inputs(g, groups, splat(g.t), g.t, g.t, g.u)
         begin_with(g, invoke(g.initial, g))
         g.evaluations += 1
+        g.began = g.count
         g.order_now = 1
         g.alike = 0
         g.regular = 1
@@ -149,7 +150,8 @@ def after_acceptance(g: Group, above: float) -> None:
     """Order and size of the next step; `above` is the norm of the differences that tell of order k + 1."""
     k = g.order_now
     row = in_a_row(g)
-    building = k == g.count + 1 and k < MOST_ORDER and (g.count == 0 or g.rejections == 0)
+    knots = g.count - g.began
+    building = k == knots + 1 and k < MOST_ORDER and (knots == 0 or g.rejections == 0)
     below = better_below(g)
     error = estimate(g, k)
     if below:

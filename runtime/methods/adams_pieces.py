@@ -223,7 +223,7 @@ def stiffness(g: Group) -> float:
 
 def last_row(g: Group) -> int:
     """The highest difference of what other groups read: of order k + 1, where there are so many knots."""
-    return min(g.order_now, g.count) + 1
+    return min(g.order_now, g.count - g.began) + 1
 
 
 def published_error(g: Group) -> float:
