@@ -1,8 +1,8 @@
 """The LU of `linear.py` for large patterns: the same elimination in loops over tables instead of written out.
 
 The elimination of an array of agents does the same few steps again and again. Such a stretch is a loop whose body is written out, with places from a
-table; entries that stay real are real numbers there. What does not repeat, as the elimination of a large dense matrix, is done by the loops of
-`irregular.py`, where all entries are packed complex numbers. So the code does not grow with the length of an array.
+table; entries that stay real are real numbers there. What does not repeat is done by the loops of `irregular.py`, where all entries are packed complex
+numbers, and dense blocks by those of `dense.py`, which need no table of their entries. So the code does not grow with the length of an array.
 
 The diagonal holds the inverses of the pivots; all other entries are as the elimination leaves them.
 """
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from llvmlite import ir
 
-from hierc.runtime.machine import irregular
+from hierc.runtime.machine import dense, irregular
 from hierc.runtime.machine.elimination import Elimination, Entry, Step
 from hierc.runtime.machine.packed import Packed
 from hierc.runtime.machine.repetitions import Stretch, stretches
@@ -36,24 +36,45 @@ class Layout:
     def __init__(self, plan: Elimination, lanes: int) -> None:
         self.plan, self.lanes = plan, lanes
         self.stretches = _affordable(plan)
-        order = {step.pivot: k for k, step in enumerate(plan.steps)}
+        order = dict.fromkeys(range(plan.n), len(plan.steps))
+        order |= {step.pivot: k for k, step in enumerate(plan.steps)}
         repeats = [s.rounds > 1 for s in self.stretches for _ in range(s.first, s.end)]
         real = [(i, j) for i, j in plan.real_entries if repeats[min(order[i], order[j])]]
         others = sorted({*plan.complex_entries, *plan.real_entries}.difference(real))
-        packed = [*((k, k) for k in range(plan.n)), *others]
-        self.packed = len(packed)
-        #: Of each entry its place, in doubles: first packed numbers, those of the diagonal in order, then real ones.
+        packed = [*((step, step) for step in sorted(step.pivot for step in plan.steps)), *others]
+        #: Of each row in a block: where the block begins, in packed numbers, how many rows it has, and which of them this is.
+        self.in_block: dict[int, tuple[int, int, int]] = {}
+        first = len(packed)
+        for block in plan.blocks:
+            self.in_block |= {row: (first, len(block), k) for k, row in enumerate(block)}
+            first += len(block) ** 2
+        self.packed, self.real = first, len(real)
+        #: Of each entry outside of blocks its place, in doubles: first packed numbers, those of the diagonal in order, and after the blocks real ones.
         self.places = {entry: k * lanes for k, entry in enumerate(packed)}
         self.places |= {entry: self.packed * lanes + k for k, entry in enumerate(real)}
 
     @property
     def size(self) -> int:
         """Doubles, in whole lanes."""
-        return (self.packed + -(-(len(self.places) - self.packed) // self.lanes)) * self.lanes
+        return (self.packed + -(-self.real // self.lanes)) * self.lanes
+
+    def place(self, entry: Entry) -> int:
+        """The place of any entry, in doubles; blocks are row by row."""
+        listed = self.places.get(entry)
+        if listed is not None:
+            return listed
+        first, size, i = self.in_block[entry[0]]
+        return (first + i * size + self.in_block[entry[1]][2]) * self.lanes
 
     def width(self, entry: Entry) -> int:
         """Doubles that an entry takes: one if it is real."""
-        return self.lanes if self.places[entry] < self.packed * self.lanes else 1
+        return self.lanes if self.place(entry) < self.packed * self.lanes else 1
+
+    @property
+    def blocks(self) -> list[int]:
+        """For `dense.py`: of each block its first place, in lanes, how many rows it has, and these."""
+        firsts = [(self.in_block[block[0]][0], block) for block in self.plan.blocks]
+        return [number for first, block in firsts for number in (first, len(block), *block)]
 
     def steps(self, stretch: Stretch) -> Sequence[Step]:
         """The steps of a stretch."""
@@ -101,8 +122,8 @@ class TableCode:
     def __init__(self, plan: Elimination, lanes: int, unit: Unit) -> None:
         self.layout, self.lanes, self.unit = Layout(plan, lanes), lanes, unit
         signs = LaneConstant((-1.0,) * (lanes // 2) + (1.0,) * (lanes // 2))
-        self.names: dict[str, Any] = {"SIGNS": signs, "entry_times": irregular.complex_times}
-        self.real_names: dict[str, Any] = {"entry_times": irregular.real_times}
+        self.names: dict[str, Any] = {"SIGNS": signs, "WIDTH": lanes, "entry_times": irregular.complex_times}
+        self.real_names: dict[str, Any] = {"WIDTH": lanes, "entry_times": irregular.real_times}
 
     # ---- the matrix -------------------------------------------------------------------------------
 
@@ -116,16 +137,20 @@ class TableCode:
         memory: Any,
     ) -> None:
         """Store lambda I - h J. `values` is the address of doubles, `slots` says which of them are the entries of J."""
-        packed, layout, n = Packed(builder, self.lanes), self.layout, self.layout.plan.n
+        packed, layout, n = Packed(builder, self.lanes), self.layout, len(self.layout.plan.steps)
         zero = packed.constant([0.0] * self.lanes)
         for first, last, value in ((0, n, eigenvalues), (n, layout.packed, zero)):
             if first < last:
                 with counted(builder, last - first) as k:
                     place = scaled(builder, builder.add(k, ir.Constant(I64, first)), self.lanes)
                     store(builder, memory, place, value)
+        if layout.in_block:
+            diagonal = [[layout.place((k, k))] for block in layout.plan.blocks for k in block]
+            with each_row(self.unit, builder, diagonal) as (place,):
+                store(builder, memory, place, eigenvalues)
         minus_h = packed.math.negate(h)
         for width in (1, self.lanes):
-            table = [(layout.places[e], slot) for e, slot in slots.items() if layout.width(e) == width]
+            table = [(layout.place(e), slot) for e, slot in slots.items() if layout.width(e) == width]
             if not table:
                 continue
             with each_row(self.unit, builder, table) as (place, slot):
@@ -147,6 +172,7 @@ class TableCode:
                 places = iter(row)
                 for step in self.layout.body(stretch):
                     self._factor_step(builder, memory, step, places)
+        self._blocks(builder, dense.factor, self.lanes, self.names, [memory])
 
     def _factor_step(self, builder: ir.IRBuilder, memory: Any, step: Step, places: Iterator[Number]) -> None:
         """One step, written out for all of its shape."""
@@ -167,13 +193,13 @@ class TableCode:
     def _factor_places(self, step: Step) -> list[int]:
         pivot, below, right = step.pivot, step.below, step.right
         entries = [(pivot, pivot), *((i, pivot) for i in below), *((pivot, j) for j in right)]
-        return [self.layout.places[e] for e in [*entries, *((i, j) for i in below for j in right)]]
+        return [self.layout.place(e) for e in [*entries, *((i, j) for i in below for j in right)]]
 
     def _factor_record(self, step: Step) -> list[int]:
         """For `irregular.factor_by_table`, where places count lanes."""
 
         def place(i: int, j: int) -> int:
-            return self.layout.places[i, j] // self.lanes
+            return self.layout.place((i, j)) // self.lanes
 
         record = [place(step.pivot, step.pivot), len(step.below), len(step.right)]
         for i in step.below:
@@ -194,6 +220,21 @@ class TableCode:
         table = self.unit.table("steps", [number for record in records for number in record])
         builder.call(function, [*arrays, table.ir, ir.Constant(I64, stretch.period)])
 
+    def _blocks(
+        self,
+        builder: ir.IRBuilder,
+        loops: Callable[..., None],
+        width: int,
+        names: dict[str, Any],
+        arrays: Sequence[Any],
+    ) -> None:
+        """Call loops of `dense.py`, if there are blocks."""
+        blocks = self.layout.plan.blocks
+        if blocks:
+            table = self.unit.table("blocks", self.layout.blocks)
+            function = self.unit.dialect(loops, width, names).function
+            builder.call(function, [*arrays, table.ir, ir.Constant(I64, len(blocks))])
+
     # ---- solutions --------------------------------------------------------------------------------
 
     def solve(self, builder: ir.IRBuilder, b: Any, memory: Any, width: int, *, real: bool) -> None:
@@ -201,6 +242,8 @@ class TableCode:
         code = _Substitution(self.layout, Packed(builder, self.lanes), builder, b, memory, width, real)
         for stretch in self.layout.stretches:
             self._substitute(code, stretch, back=False)
+        names = self.real_names if real else self.names
+        self._blocks(builder, dense.solve, width, names, [b, memory])
         for stretch in reversed(self.layout.stretches):
             self._substitute(code, stretch, back=True)
 
@@ -243,7 +286,7 @@ class _Substitution:
             ((j, (step.pivot, j)) for j in step.right) if back else ((i, (i, step.pivot)) for i in step.below)
         )
         pairs = [(step.pivot, (step.pivot, step.pivot)), *others]
-        return [number for row, entry in pairs for number in (row, self.layout.places[entry])]
+        return [number for row, entry in pairs for number in (row, self.layout.place(entry))]
 
     def forward(self, step: Step, record: Sequence[Number]) -> None:
         """Find the pivot's unknown, and take it from the rows below."""

@@ -148,7 +148,8 @@ class Unit:
         made = ir.GlobalVariable(self.module, kind, self.module.get_unique_name(name))
         made.global_constant = True
         made.linkage = "internal"
-        made.initializer = ir.Constant(kind, numbers)
+        # Formatted here: as a constant of constants, a long table would take most of the time that compiling takes.
+        made.initializer = ir.FormattedConstant(kind, f"[{', '.join(f'i64 {k}' for k in numbers)}]")
         made.type = ir.PointerType()
         return Value(made, Pointer(Int()))
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from llvmlite import ir
 from machine_code import callable_from
 
+from hierc.runtime.machine import elimination
 from hierc.runtime.machine.elimination import Elimination, eliminate
 from hierc.runtime.machine.repetitions import stretches
 from hierc.runtime.machine.rows import each_row
@@ -33,11 +34,13 @@ def chain(count: int, size: int) -> Pattern:
 # ---- order -------------------------------------------------------------------------------------------------------
 
 
-@given(patterns)
-def test_each_pivot_is_among_the_cheapest(given: tuple[int, Pattern]) -> None:
-    """By carrying the elimination out on the full set of nonzeros."""
+@given(patterns, st.integers(2, 10))
+def test_each_pivot_is_among_the_cheapest(given: tuple[int, Pattern], least: int) -> None:
+    """By carrying the elimination out on the full set of nonzeros, with blocks of at least so many rows."""
     n, pattern = given
-    plan = eliminate(n, frozenset(pattern))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(elimination, "BLOCK", least)
+        plan = eliminate(n, frozenset(pattern))
     filled = {(i, j) for i, j in pattern if i != j}
     left = set(range(n))
     touched: Pattern = set()
@@ -45,17 +48,24 @@ def test_each_pivot_is_among_the_cheapest(given: tuple[int, Pattern]) -> None:
     def cost(k: int) -> int:
         return sum(i in left for i, j in filled if j == k) * sum(j in left for i, j in filled if i == k)
 
+    in_blocks = {k for block in plan.blocks for k in block}
     for step in plan.steps:
-        assert cost(step.pivot) == min(cost(k) for k in left)
+        assert cost(step.pivot) == min(cost(k) for k in left - in_blocks)
         left.remove(step.pivot)
         assert set(step.below) == {i for i, j in filled if j == step.pivot and i in left}
         assert set(step.right) == {j for i, j in filled if i == step.pivot and j in left}
         new = {(i, j) for i in step.below for j in step.right if i != j}
         filled |= new
         touched |= new
-    assert not left
-    assert set(plan.complex_entries) == touched
-    assert set(plan.real_entries) == filled - touched
+    assert sorted(left) == sorted(k for block in plan.blocks for k in block)
+    dense = {(i, j) for block in plan.blocks for i in block for j in block}
+    assert {(i, j) for i, j in filled if i in left and j in left} <= dense
+    for block in plan.blocks:
+        assert len(block) >= least
+        inner = sum((i, j) in filled for i in block for j in block)
+        assert inner >= elimination.FULL * len(block) * (len(block) - 1)
+    assert set(plan.complex_entries) == touched - dense
+    assert set(plan.real_entries) == filled - touched - dense
 
 
 def depth(plan: Elimination) -> int:
@@ -81,6 +91,47 @@ def test_fill_of_a_banded_matrix() -> None:
     n = 300
     band = {(i, j) for i in range(n) for j in range(max(0, i - 2), min(n, i + 3))}
     assert eliminate(n, frozenset(band)).entries == len(band)
+
+
+# ---- dense blocks ------------------------------------------------------------------------------------------------
+
+
+def square(rows: range) -> Pattern:
+    return {(i, j) for i in rows for j in rows}
+
+
+def test_a_dense_matrix_is_one_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It costs what its elimination step by step does, and has none of its steps and entries."""
+    plan = eliminate(30, frozenset(square(range(30))))
+    assert plan == Elimination(30, (), (), (), (tuple(range(30)),))
+    monkeypatch.setattr(elimination, "BLOCK", 31)
+    stepwise = eliminate(30, frozenset(square(range(30))))
+    assert len(stepwise.steps) == 30
+    assert (plan.updates, plan.entries) == (stepwise.updates, stepwise.entries)
+
+
+def test_dense_parts_are_blocks_of_their_own() -> None:
+    crowds = square(range(30)) | square(range(30, 80))
+    assert eliminate(80, frozenset(crowds)).blocks == (tuple(range(30)), tuple(range(30, 80)))
+
+
+def test_what_a_crowd_needs_to_be_known_grows_as_its_jacobian() -> None:
+    """Of each agent two states, all of which read the sum of the first: the second ones are eliminated, the first become a block."""
+
+    def known(count: int) -> int:
+        coupled = {(2 * i + 1, 2 * j) for i in range(count) for j in range(count)}
+        own = {(2 * i, 2 * i + 1) for i in range(count)} | {(k, k) for k in range(2 * count)}
+        plan = eliminate(2 * count, frozenset(coupled | own))
+        assert [len(block) for block in plan.blocks] >= [count]
+        listed = len(plan.complex_entries) + len(plan.real_entries)
+        return listed + sum(1 + len(s.below) * len(s.right) for s in plan.steps)
+
+    assert known(160) < 4.2 * known(80)
+
+
+@pytest.mark.parametrize("size", [1, 4])
+def test_chains_and_bands_have_no_blocks(size: int) -> None:
+    assert eliminate(100 * size, frozenset(chain(100, size))).blocks == ()
 
 
 # ---- repetitions -------------------------------------------------------------------------------------------------
