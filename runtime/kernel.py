@@ -28,20 +28,31 @@ def advance(run: Run, groups: Array[Group]) -> float:
                     break
                 if outcome != ACCEPTED:
                     return outcome
+                run.moved = 1
             run.group += 1
         if run.window >= run.stop:
             return DONE
         run.window = next_window(run, groups)
         run.group = 0
+        run.moved = 0
 
 
 def next_window(run: Run, groups: Array[Group]) -> float:
-    """End of the next window: later than the slowest group's time, by so many steps of the fastest."""
+    """End of the next window: later than the slowest group's time, by so many steps of the fastest.
+
+    Where all who are behind the last window's end wait, nobody moves before those ahead of it do; so it is later than the first of those.
+    """
     fastest = run.stop - run.window
     behind = run.stop
+    ahead = run.stop
     for k in range(run.groups):
         g = groups[k]
         behind = min(behind, g.t)
+        if g.t >= run.window:
+            ahead = min(ahead, g.t)
         if g.h > 0.0:
             fastest = min(fastest, g.h)
-    return min(run.stop, max(behind, run.window) + WINDOW_STEPS * fastest)
+    begin = max(behind, run.window)
+    if run.moved == 0:
+        begin = ahead
+    return min(run.stop, begin + WINDOW_STEPS * fastest)

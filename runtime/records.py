@@ -132,6 +132,7 @@ class Run(Record):
     group: int
     groups: int
     budget: int  # step attempts left in this call
+    moved: int  # 1 where a group has made a step in this window
 
 
 class Request(Record):

@@ -11,6 +11,8 @@ from hierc.runtime import records
 from hierc.runtime.simulation import Simulation
 
 TOLERANCE = 1e-6
+#: All but the paper's, whose steps are parts of the way to knots that others set.
+CUT = [method for method in METHODS if method != "abm5"]
 #: Of each group.
 CUTS = 12
 
@@ -40,7 +42,7 @@ def cut_run(name: str, method: str, seed: int) -> tuple[Simulation, list[list[fl
 
 @pytest.mark.parametrize(
     ("name", "method"),
-    [(p, m) for p in PROBLEMS for m in METHODS if p != "stiff reader" or m not in METHODS[3:]],
+    [(p, m) for p in PROBLEMS for m in CUT if p != "stiff reader" or m in METHODS[:3]],
 )
 @pytest.mark.parametrize("seed", [1, 2])
 def test_cuts_change_nothing_beyond_the_tolerance(name: str, method: str, seed: int) -> None:
