@@ -112,7 +112,9 @@ def _folded(model: Model, sources: list[dict[int, dict[Scalar, Integers]]]) -> s
     for node in model.nodes:
         if not node.states and " " in node.path:  # no name of a user's: a sum or the like
             joined.setdefault(node.path, []).append(node.id)
-    into = {other: last for *others, last in joined.values() for other in others}
+    into: dict[int, int] = {}
+    for nodes in joined.values():
+        into |= dict.fromkeys(nodes[:-1], nodes[-1])
     for other, last in into.items():
         _add(sources[last], sources[other])
     for node, read in enumerate(sources):  # a part of a slice is read by itself too

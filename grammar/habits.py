@@ -190,9 +190,7 @@ def _derivative_call(at: Situation) -> Repair | None:
     previous = at.previous
     if previous is None or previous not in ("d", "der") or not at.fits("PRIME", "_EQUAL"):
         return None
-    match = at.matched(
-        r"(d|der)\s*\(\s*([A-Za-z_]\w*(?:\s*\[[^\]]*\])?)\s*\)\s*==?", previous.start_pos
-    )
+    match = at.matched(r"(d|der)\s*\(\s*([A-Za-z_]\w*(?:\s*\[[^\]]*\])?)\s*\)\s*==?", previous.start_pos)
     if match is None:
         return None
     place = Span(at.source, *match.span())
