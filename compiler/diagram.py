@@ -117,11 +117,11 @@ def _folded(model: Model, sources: list[dict[int, dict[Scalar, Integers]]]) -> s
         into |= dict.fromkeys(nodes[:-1], nodes[-1])
     for other, last in into.items():
         _add(sources[last], sources[other])
-    for node, read in enumerate(sources):  # a part of a slice is read by itself too
+    for reader, read in enumerate(sources):  # a part of a slice is read by itself too
         for other in into.keys() & read.keys():
             _add(read, {into[other]: read.pop(other)})
-        if node in into.values():
-            read.pop(node, None)
+        if reader in into.values():
+            read.pop(reader, None)
     return set(into)
 
 
