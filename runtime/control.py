@@ -7,11 +7,16 @@ from __future__ import annotations
 
 import math
 
-from hierc.runtime.machine.dialect import Array, Lanes, bits, from_bits, lane
+from hierc.runtime.machine.dialect import Array, Lanes, bits, from_bits, invoke, lane
 from hierc.runtime.records import Group
+from hierc.runtime.segments import covered, read_inputs
 
 #: A method is asked about once so many steps seem to be bounded by stability.
 SEEM_STIFF = 15
+#: Failed trials of one step before the right-hand side itself is blamed.
+MOST_REJECTIONS = 60
+#: An explicit step sees too little of inputs that change within more segments than this: it is made shorter.
+MOST_SEGMENTS = 4
 #: Steps below this many spacings of doubles at t make no progress.
 SMALLEST = 10.0
 
@@ -29,6 +34,11 @@ def power(x: float, y: float) -> float:
     return from_bits((whole + 1023) * 4503599627370496) * mantissa
 
 
+def resolution(t: float, end: float) -> float:
+    """The size of steps between these times that make no progress."""
+    return SMALLEST * 2.220446049250313e-16 * max(abs(t), abs(end))
+
+
 def propose_end(g: Group) -> bool:
     """Set g.trial and g.end from g.h: lands on the stop, never leaves a sliver before it. False where the step is too small to advance t."""
     h = min(g.h, g.max_step)
@@ -41,8 +51,7 @@ def propose_end(g: Group) -> bool:
             h = 0.5 * left
         g.end = g.t + h
     g.trial = h
-    smallest = SMALLEST * 2.220446049250313e-16 * max(abs(g.t), abs(g.end))
-    return g.end > g.t and ((h > smallest and h >= g.min_step) or g.end == g.stop)
+    return g.end > g.t and ((h > resolution(g.t, g.end) and h >= g.min_step) or g.end == g.stop)
 
 
 def first_size(g: Group, derivatives: Array[Lanes]) -> float:
@@ -59,6 +68,16 @@ def first_size(g: Group, derivatives: Array[Lanes]) -> float:
     if not (size > 1e-5 and speed > 1e-5):
         h = 1e-6
     return h
+
+
+def started(g: Group, groups: Array[Group], t: Lanes) -> bool:
+    """Set the first step size, from the derivatives at g.t, which is in all lanes of t; False where what the group reads is not known there yet."""
+    if not covered(g, groups, g.t):
+        return False
+    read_inputs(g, groups, t, g.t, g.t, g.u)
+    begin_with(g, invoke(g.initial, g))
+    g.evaluations += 1
+    return True
 
 
 def begin_with(g: Group, h: float) -> None:

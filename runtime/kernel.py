@@ -8,7 +8,7 @@ earlier one. A window never clips a step; its length is a count of steps of the 
 from __future__ import annotations
 
 from hierc.runtime.machine.dialect import Array, invoke
-from hierc.runtime.records import ACCEPTED, DONE, PAUSED, WAITING, Group, Run
+from hierc.runtime.records import ACCEPTED, DONE, FULL, PAUSED, REVIEW, TOO_MANY, WAITING, Group, Run
 
 #: Steps of the fastest group in a window.
 WINDOW_STEPS = 64.0
@@ -23,7 +23,9 @@ def advance(run: Run, groups: Array[Group]) -> float:
                 if run.budget <= 0:
                     return PAUSED
                 run.budget -= 1
-                outcome = invoke(g.step, g, groups)
+                outcome = hindrance(g)
+                if outcome == ACCEPTED:
+                    outcome = invoke(g.step, g, groups)
                 if outcome == WAITING:
                     break
                 if outcome != ACCEPTED:
@@ -35,6 +37,17 @@ def advance(run: Run, groups: Array[Group]) -> float:
         run.window = next_window(run, groups)
         run.group = 0
         run.moved = 0
+
+
+def hindrance(g: Group) -> float:
+    """What keeps a group from taking a step, whatever its method; ACCEPTED where nothing does."""
+    if g.count - g.first >= g.capacity:
+        return FULL
+    if g.steps >= g.most_steps:
+        return TOO_MANY
+    if g.steps >= g.review:
+        return REVIEW
+    return ACCEPTED
 
 
 def next_window(run: Run, groups: Array[Group]) -> float:

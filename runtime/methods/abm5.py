@@ -20,14 +20,21 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from hierc.runtime.control import SMALLEST, after_acceptance, after_rejection, begin_with, power
+from hierc.runtime.control import (
+    MOST_REJECTIONS,
+    after_acceptance,
+    after_rejection,
+    power,
+    resolution,
+    started,
+)
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array, acquire, invoke, splat
 from hierc.runtime.methods.abm5_pieces import accept, attempt, begin
 from hierc.runtime.methods.explicit import Explicit, complete, initial, read_at_stages
 from hierc.runtime.methods.method import Names, Piece
 from hierc.runtime.methods.tsit5 import TSIT5
-from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
+from hierc.runtime.records import ACCEPTED, NOT_FINITE, TOO_SMALL, WAITING, Group
 from hierc.runtime.segments import covered, finish, read_inputs, segment
 
 #: Adams-Bashforth in backward differences, and the corrector's; see `abm5_pieces.py`.
@@ -36,8 +43,8 @@ GAMMAS = (Fraction(1), Fraction(1, 2), Fraction(5, 12), Fraction(3, 8), Fraction
 MILNES = Fraction(19, 720)
 #: The last term of a step's polynomial is that of the final derivative, and this much of how the final one differs from the predicted.
 LATER = Fraction(251, 456)
-#: Failed trials of one step before the right-hand side itself is blamed, and before the history is.
-MOST_REJECTIONS, MOST_TRIALS = 60, 3
+#: Failed trials of one step before the history is blamed.
+MOST_TRIALS = 3
 #: A longer step must be worth a new history: where a new way to a knot begins, and on the way.
 WORTHWHILE, ON_THE_WAY = 1.05, 1.5
 #: A step that need not be shorter than this part of itself is kept.
@@ -66,21 +73,14 @@ if TYPE_CHECKING:  # given by step_names
 
 def step(g: Group, groups: Array[Group]) -> float:
     """Take one step: try sizes until one is accepted. Returns one of the codes of `records.py`."""
-    if g.count - g.first >= g.capacity:
-        return FULL
-    if g.steps >= g.most_steps:
-        return TOO_MANY
     mark = next_knot(g, groups)
     if mark <= g.t:
         return WAITING
     if g.h <= 0.0:
-        if not covered(g, groups, g.t):
+        if not started(g, groups, splat(g.t)):
             return WAITING
         g.origin = g.t
         g.ceiling = g.stop - g.t
-        read_inputs(g, groups, splat(g.t), g.t, g.t, g.u)
-        begin_with(g, invoke(g.initial, g))
-        g.evaluations += 1
     while True:
         if not divide(g, mark):
             return TOO_SMALL
@@ -131,7 +131,7 @@ def divide(g: Group, mark: float) -> bool:
     wanted = min(g.h, g.max_step)
     if g.fresh == 1:
         wanted = min(wanted, reach(g))
-    smallest = SMALLEST * 2.220446049250313e-16 * max(abs(g.t), abs(mark))
+    smallest = resolution(g.t, mark)
     if rest > wanted and not (wanted > smallest and wanted >= g.min_step):
         return False
     parts = int(rest / wanted * (1.0 - SAME)) + 1

@@ -19,7 +19,14 @@ from fractions import Fraction
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
-from hierc.runtime.control import begin_with, power, propose_end, watch_stability
+from hierc.runtime.control import (
+    MOST_REJECTIONS,
+    MOST_SEGMENTS,
+    power,
+    propose_end,
+    started,
+    watch_stability,
+)
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array, invoke, is_finite, splat
 from hierc.runtime.methods.adams_pieces import (
@@ -40,17 +47,13 @@ from hierc.runtime.methods.adams_pieces import (
     number,
 )
 from hierc.runtime.methods.method import Names, Piece
-from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, REVIEW, TOO_MANY, TOO_SMALL, WAITING, Group
+from hierc.runtime.records import ACCEPTED, NOT_FINITE, TOO_SMALL, WAITING, Group
 from hierc.runtime.segments import covered, finish, read_inputs
 
 if TYPE_CHECKING:  # given by Adams.step_names
     LEAST_ORDER: int
     MOST_ORDER: int
 
-#: Failed trials of one step before the right-hand side itself is blamed.
-MOST_REJECTIONS = 60
-#: A step sees too little of inputs that change within more segments than this: it is made shorter.
-MOST_SEGMENTS = 4
 #: Steps beyond this over |lambda| are taken to be bounded by stability.
 RADIUS = 0.6
 #: The error that steps aim at, relative to the tolerance.
@@ -62,18 +65,9 @@ AIM = 0.5
 
 def step(g: Group, groups: Array[Group]) -> float:
     """Take one step: try sizes and orders until one is accepted. Returns one of the codes of `records.py`."""
-    if g.count - g.first >= g.capacity:
-        return FULL
-    if g.steps >= g.most_steps:
-        return TOO_MANY
-    if g.steps >= g.review:
-        return REVIEW
     if g.h <= 0.0:
-        if not covered(g, groups, g.t):
+        if not started(g, groups, splat(g.t)):
             return WAITING
-        read_inputs(g, groups, splat(g.t), g.t, g.t, g.u)
-        begin_with(g, invoke(g.initial, g))
-        g.evaluations += 1
         g.began = g.count
         g.order_now = 1
         g.alike = 0

@@ -16,24 +16,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hierc.runtime.control import (
+    MOST_REJECTIONS,
+    MOST_SEGMENTS,
     after_acceptance,
     after_rejection,
-    begin_with,
     first_size,
     propose_end,
+    started,
     watch_stability,
 )
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array, Lanes, at, fma, invoke, lane, outlined, splat, unroll
 from hierc.runtime.methods.method import Names, Piece
-from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, REVIEW, TOO_MANY, TOO_SMALL, WAITING, Group
+from hierc.runtime.records import ACCEPTED, NOT_FINITE, TOO_SMALL, WAITING, Group
 from hierc.runtime.segments import HEADER, covered, finish, read_inputs, segment
 
 Row = tuple[float, ...]
-#: Failed trials of one step before the right-hand side itself is blamed.
-MOST_REJECTIONS = 60
-#: A step sees too little of inputs that change within more segments than this: it is made shorter.
-MOST_SEGMENTS = 4
 _SAFETY = 0.9
 
 
@@ -275,18 +273,9 @@ def published(g: Group, t: Lanes, x: Array[Lanes], u: Array[Lanes], out: Array[L
 
 def step(g: Group, groups: Array[Group]) -> float:
     """Take one step: try sizes until one is accepted. Returns one of the codes of `records.py`."""
-    if g.count - g.first >= g.capacity:
-        return FULL
-    if g.steps >= g.most_steps:
-        return TOO_MANY
-    if g.steps >= g.review:
-        return REVIEW
-    if g.h <= 0.0:
-        if not covered(g, groups, g.t):
+    if g.h <= 0.0:  # noqa: SIM102 - both sides of an `and` are evaluated in the dialect
+        if not started(g, groups, splat(g.t)):
             return WAITING
-        read_inputs(g, groups, splat(g.t), g.t, g.t, g.u)
-        begin_with(g, invoke(g.initial, g))
-        g.evaluations += 1
     while True:
         if not propose_end(g):
             return TOO_SMALL

@@ -18,7 +18,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hierc.runtime.control import SMALLEST, after_acceptance, after_rejection, begin_with, propose_end
+from hierc.runtime.control import (
+    MOST_REJECTIONS,
+    after_acceptance,
+    after_rejection,
+    begin_with,
+    propose_end,
+    resolution,
+)
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import (
     Array,
@@ -36,7 +43,7 @@ from hierc.runtime.machine.dialect import (
 from hierc.runtime.machine.split import switches
 from hierc.runtime.machine.types import LaneConstant, LaneTable
 from hierc.runtime.methods.method import Names, Piece
-from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, TOO_MANY, TOO_SMALL, WAITING, Group
+from hierc.runtime.records import ACCEPTED, NOT_FINITE, TOO_SMALL, WAITING, Group
 from hierc.runtime.segments import HEADER, covered, finish, read_inputs, segment
 
 if TYPE_CHECKING:  # given by Fit.names
@@ -66,8 +73,6 @@ _LANES = 8
 MOST_SEGMENTS, MOST_SEGMENTS_OF_BRANCHES = 8, 2
 #: What rounding leaves uncertain of a polynomial's value, relative to it.
 ROUNDING = 1e-13
-#: Failed trials of one step before what is computed is blamed.
-MOST_REJECTIONS = 60
 #: Steps that are smaller than usual ones by this factor are taken to come to a jump; at a kink, as an extreme has, they need not be as small.
 SUSPECT = 1e-5
 _SAFETY = 0.9
@@ -142,16 +147,12 @@ def to_powers(v: Lanes, start: float) -> Lanes:
 
 def step(g: Group, groups: Array[Group]) -> float:
     """Take one step: try sizes until one is accepted. Returns one of the codes of `records.py`."""
-    if g.count - g.first >= g.capacity:
-        return FULL
-    if g.steps >= g.most_steps:
-        return TOO_MANY
     if g.h <= 0.0:
         if not covered(g, groups, g.t):
             return WAITING
         begin_with(g, shortest(g, groups))
     most = MOST_SEGMENTS if g.linear == 1 else MOST_SEGMENTS_OF_BRANCHES
-    least = 2.0 * SMALLEST * 2.220446049250313e-16 * max(abs(g.t), abs(g.stop))
+    least = 2.0 * resolution(g.t, g.stop)
     while True:
         if not propose_end(g):
             return TOO_SMALL

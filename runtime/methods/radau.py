@@ -15,14 +15,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hierc.runtime.control import after_acceptance, after_rejection, begin_with, power, propose_end
+from hierc.runtime.control import (
+    MOST_REJECTIONS,
+    after_acceptance,
+    after_rejection,
+    power,
+    propose_end,
+    started,
+)
 from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array, Lanes, at, invoke, is_finite
 from hierc.runtime.machine.types import LaneConstant, LaneTable
 from hierc.runtime.methods.method import Names, Piece
 from hierc.runtime.methods.radau_pieces import accept, begin, defect, estimate, initial, iterate, refresh
 from hierc.runtime.methods.radau_tables import Tables
-from hierc.runtime.records import ACCEPTED, FULL, NOT_FINITE, REVIEW, TOO_MANY, TOO_SMALL, WAITING, Group
+from hierc.runtime.records import ACCEPTED, NOT_FINITE, TOO_SMALL, WAITING, Group
 from hierc.runtime.segments import covered, finish, read_inputs
 
 if TYPE_CHECKING:  # given by Radau.step_names
@@ -33,8 +40,6 @@ if TYPE_CHECKING:  # given by Radau.step_names
 MOST_ITERATIONS = 8
 #: Fresh Jacobians at the current iterate before a stalled iteration is given up.
 MOST_REFRESHES = 2
-#: Failed trials of one step before the right-hand side itself is blamed.
-MOST_REJECTIONS = 60
 
 
 # ---- the step -----------------------------------------------------------------------------------
@@ -42,18 +47,9 @@ MOST_REJECTIONS = 60
 
 def step(g: Group, groups: Array[Group]) -> float:
     """Take one step: try sizes until one is accepted. Returns one of the codes of `records.py`."""
-    if g.count - g.first >= g.capacity:
-        return FULL
-    if g.steps >= g.most_steps:
-        return TOO_MANY
-    if g.steps >= g.review:
-        return REVIEW
-    if g.h <= 0.0:
-        if not covered(g, groups, g.t):
+    if g.h <= 0.0:  # noqa: SIM102 - both sides of an `and` are evaluated in the dialect
+        if not started(g, groups, NODES * 0.0 + g.t):
             return WAITING
-        read_inputs(g, groups, NODES * 0.0 + g.t, g.t, g.t, g.u)
-        begin_with(g, invoke(g.initial, g))
-        g.evaluations += 1
     while True:
         if not propose_end(g):
             return TOO_SMALL
