@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hierc.runtime import records
 from hierc.runtime.elements import Elements
-from hierc.runtime.families import group_catalogue
+from hierc.runtime.families import named_groups
 from hierc.runtime.machine.dialect import RecordArray
 from hierc.runtime.machine.program import Program
 from hierc.runtime.machine.timing import ALGEBRA, INPUTS, PARTS, PUBLISHING, RHS, STEPS, TIMER, TIMERS
@@ -143,18 +143,17 @@ def _flops(engine: Engine, methods: Sequence[str], evaluations: Integers) -> Int
 def _by_name(
     elements: Elements, run: FinishedRun, seconds: Floats, flops: Integers
 ) -> tuple[GroupCosts, ...]:
-    known, table = group_catalogue(elements.plan), run.groups.records
+    table = run.groups.records
     assert table is not None
     made = []
-    for name in known.plain:
-        places = np.concatenate([elements.families[k].places for k in known.entries(name)])
+    for name, places in named_groups(elements):
         rhs, algebra, inputs, publishing, steps = (
             float(seconds[places, part].sum()) for part in (RHS, ALGEBRA, INPUTS, PUBLISHING, STEPS)
         )
         counted = {key: int(table[key][places].sum()) for key in ("steps", "rejected", "evaluations")}
         made.append(
             GroupCosts(
-                name=known.named(name).shown,
+                name=name,
                 groups=len(places),
                 methods=tuple(dict.fromkeys(run.groups.methods[g] for g in places.tolist())),
                 flops=int(flops[places].sum()),

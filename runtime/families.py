@@ -50,11 +50,17 @@ def group_catalogue(plan: Plan) -> Catalogue:
     return Catalogue("unknown group", [(g.name, g.count, g.indices) for g in plan.groups])
 
 
+def named_groups(elements: Elements) -> Iterator[tuple[str, Integers]]:
+    """The groups of each name, those of an array together, in the order of the plan: the name as it is shown, and their places."""
+    known = group_catalogue(elements.plan)
+    for name in known.plain:
+        places = [elements.families[k].places for k in known.entries(name)]
+        yield known.named(name).shown, np.concatenate(places)
+
+
 V = TypeVar("V")
 #: So many groups are not listed in a message.
 MANY = 7
-
-
 #: Groups that a mapping by groups names when it is printed.
 _SHOWN = 6
 
@@ -107,16 +113,9 @@ class ByGroup(Mapping[str, V]):
 
 def family_statistics(elements: Elements, groups: Sequence[GroupTrajectory]) -> tuple[FamilyStats, ...]:
     """The statistics of all groups, those of an array together, in the order of the plan."""
-    known = group_catalogue(elements.plan)
-    return tuple(
-        _statistics(
-            known.named(name).shown,
-            np.concatenate([elements.families[k].places for k in known.entries(name)]),
-            elements,
-            groups,
-        )
-        for name in (known.plain if groups else ())
-    )
+    if not groups:
+        return ()
+    return tuple(_statistics(name, places, elements, groups) for name, places in named_groups(elements))
 
 
 def _statistics(

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from hierc.runtime.contract import CONTRACT, Plan
 from hierc.runtime.costs import cost_of
 from hierc.runtime.errors import RunWarning, SettingError
+from hierc.runtime.families import group_catalogue
 from hierc.runtime.grouping import decision, grouped
 from hierc.runtime.parameters import Parameters, ParameterValue, parameter_vector
-from hierc.runtime.paths import Catalogue
 from hierc.runtime.result import Interrupted, Result, SimulationError
 from hierc.runtime.run import Engine, span
 from hierc.runtime.system import System
@@ -106,7 +106,7 @@ class Model:
         return Parameters(self.plan, self._own.parameters)
 
     def __repr__(self) -> str:
-        known = Catalogue("", [(g.name, g.count, g.indices) for g in self.plan.groups])
+        known = group_catalogue(self.plan)
         groups = ", ".join(known.named(name).shown for name in known.plain)
         return f"<Model {self.plan.name}: {self._own.size} states in groups {groups}; {len(self.parameters)} parameters>"
 

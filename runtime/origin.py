@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from hierc.runtime.elements import Elements
 from hierc.runtime.errors import SettingError
 from hierc.runtime.regroup import former_groups
+from hierc.runtime.simulation import of_group
 
 Integers = NDArray[np.int64]
 #: Settings of which the smallest counts.
@@ -81,7 +82,7 @@ def _tightest(settings: Mapping[str, Any], own: Sequence[Mapping[str, Any]]) -> 
     """What holds for a group made of several with these settings beside those for all."""
     if len(own) == 1:
         return dict(own[0])
-    every = [{**settings, **({"atol": v["rtol"]} if "rtol" in v else {}), **v} for v in own]
+    every = [of_group(settings, v) for v in own]
     found = {name: min(v[name] for v in every) for name in _TIGHTEST}
     methods = [v["method"] for v in own if "method" in v]
     return {**found, "method": methods[0]} if methods else found

@@ -17,6 +17,7 @@ from hierc.runtime.columns import distinct, labelled
 from hierc.runtime.contract import Plan
 from hierc.runtime.elements import Elements, expand
 from hierc.runtime.errors import ExternError, SettingError
+from hierc.runtime.families import group_catalogue
 from hierc.runtime.layout import Layout, cohorts
 from hierc.runtime.machine.calls import Form
 from hierc.runtime.machine.forms import Wiring, wire
@@ -24,10 +25,10 @@ from hierc.runtime.machine.program import Announce, Program, build
 from hierc.runtime.methods.catalogue import METHODS, STATELESS
 from hierc.runtime.observation import Variables, evaluate
 from hierc.runtime.origin import Origin
-from hierc.runtime.paths import Catalogue, PathError
+from hierc.runtime.paths import PathError
 from hierc.runtime.regroup import regrouped
 from hierc.runtime.result import check_interval
-from hierc.runtime.simulation import GroupSettings, Settings, Simulation, tighten
+from hierc.runtime.simulation import GroupSettings, Settings, Simulation, of_group, tighten
 from hierc.runtime.status import Status
 from hierc.runtime.system import System
 from hierc.runtime.trajectory import Trajectories
@@ -178,7 +179,7 @@ class Engine:
         made = []
         for pair, moves in (divmod(number, 2) for number in sets.tolist()):
             variant, depth = divmod(pair, len(factors))
-            decided = _settings({**settings, **variants[variant]}, variants[variant], factors[depth])
+            decided = _settings(of_group(settings, variants[variant]), factors[depth])
             made.append(decided if moves else replace(decided, method=STATELESS))
         return Settings(tuple(made), labels)
 
@@ -350,9 +351,8 @@ def own_settings(
 
 def group_places(elements: Elements, name: str) -> Integers:
     """The groups that a name means; none for an unknown one."""
-    known = Catalogue("unknown group", [(g.name, g.count, g.indices) for g in elements.plan.groups])
     try:
-        selection = known.find(name)
+        selection = group_catalogue(elements.plan).find(name)
     except PathError:
         return np.zeros(0, np.int64)
     entry, row = selection.named.entry[selection.chosen], selection.named.row[selection.chosen]
@@ -360,9 +360,8 @@ def group_places(elements: Elements, name: str) -> Integers:
     return np.concatenate(found)
 
 
-def _settings(merged: Mapping[str, Any], own: Mapping[str, Any], factor: float) -> GroupSettings:
-    rtol = _positive("rtol", merged["rtol"])
-    atol = rtol if "rtol" in own and "atol" not in own else _positive("atol", merged["atol"])
+def _settings(merged: Mapping[str, Any], factor: float) -> GroupSettings:
+    rtol, atol = _positive("rtol", merged["rtol"]), _positive("atol", merged["atol"])
     if rtol < LEAST_RTOL:
         raise SettingError(f"rtol must be at least {LEAST_RTOL:g}, not {rtol!r}: doubles hold no more")
     method = merged["method"]

@@ -8,11 +8,11 @@ from __future__ import annotations
 import ctypes
 import functools
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,11 @@ class GroupSettings:
     max_step: float
     min_step: float
     free: bool = False  # whether the method was left to us, and may change
+
+
+def of_group(settings: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings for all with those that a group has of its own, whose rtol is its atol too, unless it has one."""
+    return {**settings, **({"atol": own["rtol"]} if "rtol" in own else {}), **own}
 
 
 @dataclass(frozen=True)

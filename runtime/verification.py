@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from hierc.runtime.elements import Elements
 from hierc.runtime.errors import SettingError
-from hierc.runtime.families import group_catalogue
+from hierc.runtime.families import named_groups
 from hierc.runtime.run import LEAST_RTOL, Engine, FinishedRun
+from hierc.runtime.simulation import of_group
 from hierc.runtime.status import Status
 
 Floats = NDArray[np.float64]
@@ -80,7 +81,7 @@ def verified(
     tighter = {name: _tighter(own) for name, own in groups.items()}
     again = engine.run(run.system, _tighter(settings), tighter, **others)
     variants, of = engine.own_settings(settings, groups)
-    asked = [_asked(settings, own) for own in variants]
+    asked = [of_group(settings, own) for own in variants]
     return compare(engine.elements, run, again, [asked[k] for k in of.tolist()])
 
 
@@ -88,23 +89,16 @@ def _tighter(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {**settings, **{name: settings[name] * TIGHTER for name in ("rtol", "atol") if name in settings}}
 
 
-def _asked(settings: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings of a group; where it has an rtol of its own, that is its atol too."""
-    return {**settings, **({"atol": own["rtol"]} if "rtol" in own else {}), **own}
-
-
 def compare(
     elements: Elements, run: FinishedRun, again: FinishedRun, asked: Sequence[Mapping[str, Any]]
 ) -> Verification:
     """The errors of a run, taken as its differences from a better one. `asked`: rtol and atol of each group, by place."""
-    known = group_catalogue(elements.plan)
     found = []
-    for name in known.plain:
-        places = np.concatenate([elements.families[k].places for k in known.entries(name)])
+    for name, places in named_groups(elements):
         errors = [_worst(run, again, g, asked[g]) for g in places.tolist() if elements.group_states[g]]
         if errors:
             error, state, time = max(errors)
-            found.append(Verified(known.named(name).shown, error, run.system.state_names[state], time))
+            found.append(Verified(name, error, run.system.state_names[state], time))
     return Verification(tuple(found), min(run.t_reached, again.t_reached), again.status)
 
 

@@ -19,10 +19,9 @@ from hierc.compiler.equations.errors import DerivativeOfRead, NotAState
 from hierc.compiler.expression import Expr, Gather, Rate, State
 from hierc.compiler.resolve.declarations import Variable
 from hierc.compiler.shapes.environment import Chosen, Environment, Values
-from hierc.compiler.shapes.operations import Reduction
 from hierc.compiler.shapes.values import Shape, Value, size_of
+from hierc.compiler.structure.fan_in import FanIns
 from hierc.compiler.structure.instances import Array, Instance
-from hierc.compiler.structure.slices import Slices
 from hierc.compiler.structure.storage import Kind, Storage
 from hierc.compiler.walk import subscripts, visit
 from hierc.grammar import tree
@@ -33,6 +32,7 @@ class Owner(Protocol):
     """What a scope asks for."""
 
     storage: Storage
+    fan_ins: FanIns
 
     def instance(self, index: int) -> Instance:
         """The instance with this id."""
@@ -48,24 +48,6 @@ class Owner(Protocol):
 
     def placed(self, value: Value, span: Span) -> Value:
         """A `let` or coupling used at `span`."""
-        ...
-
-    def fan_in(
-        self, operation: Reduction, kind: Kind, scalars: Integers, around: Instance, span: Span
-    ) -> Integers:
-        """The algebraic variables, one for each element of `around`, that join the scalars numbered in its row."""
-        ...
-
-    def sliced(
-        self,
-        operation: Reduction,
-        kind: Kind,
-        scalars: Integers,
-        slices: Slices,
-        around: Instance,
-        span: Span,
-    ) -> Integers:
-        """The algebraic variables that join slices of the rows of `scalars`, which belong to the elements of `around`."""
         ...
 
     def spread(self, instance: Instance, view: View, env: Environment) -> Environment:

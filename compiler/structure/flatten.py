@@ -23,7 +23,7 @@ from hierc.compiler.resolve.declarations import Equation, Variable
 from hierc.compiler.resolve.errors import GivenTwice
 from hierc.compiler.shapes.environment import Environment, Scope, Values
 from hierc.compiler.shapes.evaluate import evaluate, expected, selected, span_of
-from hierc.compiler.shapes.operations import Reduction, Sharing, condition
+from hierc.compiler.shapes.operations import Sharing, condition
 from hierc.compiler.shapes.values import Value, element_names, index_value, number
 from hierc.compiler.structure.alike import Joiner
 from hierc.compiler.structure.array_reads import View
@@ -35,8 +35,7 @@ from hierc.compiler.structure.parameters import Brought, Parameters, index_of_el
 from hierc.compiler.structure.paths import Gift, elements, in_order
 from hierc.compiler.structure.scope import InstanceScope
 from hierc.compiler.structure.sharing import Definitions
-from hierc.compiler.structure.slices import Slices
-from hierc.compiler.structure.storage import Kind, Storage, StoredGathering, allocate
+from hierc.compiler.structure.storage import Storage, StoredGathering, allocate
 from hierc.compiler.structure.variables import flat_variables
 from hierc.grammar import tree
 from hierc.grammar.source import Span
@@ -91,7 +90,7 @@ class _Flattener:
         self._refused: set[tuple[int, str]] = set()
         #: Values of the `read` variables and `let`s of each instance; what is missing was reported.
         self.named: list[dict[str, Value]] = [{} for _ in instances]
-        self._fan_ins = FanIns(self.storage)
+        self.fan_ins = FanIns(self.storage)
 
     def result(self) -> Flat:
         for instance in self._instances:
@@ -103,11 +102,11 @@ class _Flattener:
         self._problems.stop_on_errors()
         return Flat(
             self._instances,
-            (*self.storage.nodes, *self._fan_ins.nodes),
+            (*self.storage.nodes, *self.fan_ins.nodes),
             tuple(self._state(index) for index in range(len(self.storage.states))),
             (
                 *(self._finished(index) for index in range(len(self._definitions.made))),
-                *self._fan_ins.definitions,
+                *self.fan_ins.definitions,
             ),
             tuple(flat_variables(self._instances, self.storage, self.named)),
         )
@@ -134,7 +133,7 @@ class _Flattener:
             )
 
         gathering = StoredGathering(self.storage, self._parameters.tables)
-        joiner = Joiner(self._definitions, self._fan_ins, gathering, scope.instance, at.domain)
+        joiner = Joiner(self._definitions, self.fan_ins, gathering, scope.instance, at.domain)
         return replace(
             env,
             scope=scope,
@@ -145,24 +144,6 @@ class _Flattener:
     def brought(self, value: Value, view: View) -> Value:
         """See `array_reads.Owner`."""
         return self._definitions.brought(value, view)
-
-    def fan_in(
-        self, operation: Reduction, kind: Kind, scalars: Integers, around: Instance, span: Span
-    ) -> Integers:
-        """See `array_reads.Owner`."""
-        return self._fan_ins.joined(operation, kind, scalars, around, span)
-
-    def sliced(
-        self,
-        operation: Reduction,
-        kind: Kind,
-        scalars: Integers,
-        slices: Slices,
-        around: Instance,
-        span: Span,
-    ) -> Integers:
-        """See `array_reads.Owner`."""
-        return self._fan_ins.sliced(operation, kind, scalars, slices, around, span)
 
     def spread(self, instance: Instance, view: View, env: Environment) -> Environment:
         """See `array_reads.Owner`."""
@@ -179,7 +160,7 @@ class _Flattener:
     def computed(self, expr: Expr, around: Instance, domain: Domain, span: Span) -> Integers:
         """See `array_reads.Owner`."""
         at = replace(around, domain=domain)
-        return self._fan_ins.computed(self._definitions.shallow(expr, "term", at), at, span)
+        return self.fan_ins.computed(self._definitions.shallow(expr, "term", at), at, span)
 
     def placed(self, value: Value, span: Span) -> Value:
         """See `array_reads.Owner`."""

@@ -102,16 +102,16 @@ class Reductions:
     def _joined(self, call: tree.Call, terms: _Terms, first: Index, last: Index) -> Value:
         """The terms from `first` to `last`, counted from 0, of each element that looks."""
         operation, around, span = REDUCTIONS[call.function.text], self.reader.instance, call.args[0].span
-        owner, (rows, _, size) = self.reader.owner, terms.numbers.shape
+        fan_ins, (rows, _, size) = self.reader.owner.fan_ins, terms.numbers.shape
         if isinstance(first, int) and isinstance(last, int):
             joined = terms.numbers[:, first : last + 1].reshape(rows, -1)
-            made = owner.fan_in(operation, terms.kind, joined, around, span)
+            made = fan_ins.joined(operation, terms.kind, joined, around, span)
             return scalar_of(terms.scalar, self.reader.seen(made, span))
         count = self.reader.domain.count
         slices = Slices(
             self.reader.places, expanded(first, count) * size, expanded(last, count) * size + size - 1
         )
-        made = owner.sliced(operation, terms.kind, terms.numbers.reshape(rows, -1), slices, around, span)
+        made = fan_ins.sliced(operation, terms.kind, terms.numbers.reshape(rows, -1), slices, around, span)
         return scalar_of(terms.scalar, Gather(span, "algebraic", column(made)))
 
     def _check(self, call: tree.Call, ref: tree.Ref, array: Array, ends: tuple[Index, Index]) -> None:
