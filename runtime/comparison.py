@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import accumulate, product
 from typing import TYPE_CHECKING, Any
 
@@ -92,8 +92,7 @@ def _candidates(
         yield ("agent",), agents, None
     for labels in dict.fromkeys((*named, *_others(count, decided))):
         predicted = None if decided is None else decided.neighbours.estimate(labels).seconds
-        partition = np.where(elements.home >= 0, np.array(labels or (0,), np.int64)[elements.home], -1)
-        yield tuple(named.get(labels, ())), partition, predicted
+        yield tuple(named.get(labels, ())), grouping.partition(elements, labels), predicted
 
 
 def _others(count: int, decided: Decision | None) -> Iterator[Labels]:
@@ -126,7 +125,7 @@ class _Trial:
     ) -> bool:
         """Run once, so that machine code is there and methods are chosen; False if one of the groups would need several methods."""
         engine = self.engine
-        self.system = replace(system, plan=engine.plan, expansion=engine.elements)
+        self.system = engine.equations(system)
         try:
             self.chosen = engine.group_settings(settings, groups)
             self.first = engine.run(self.system, settings, groups, announce=announce)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -116,15 +116,18 @@ def grouped(
             return engine.with_groups(partitions.one(engine.elements))
         case "auto":
             found = decision(engine, system, settings, groups, announce)
-            return engine if found is None else engine.with_groups(partition(engine, found.chosen))
+            return (
+                engine
+                if found is None
+                else engine.with_groups(partition(engine.elements, found.chosen.labels))
+            )
         case _:
             raise SettingError(f"unknown grouping `{kind}`; there are {', '.join(KINDS)}")
 
 
-def partition(engine: Engine, estimate: Estimate) -> Integers:
-    """The partition of the elements that a grouping is."""
-    home = engine.elements.home
-    return np.where(home >= 0, np.array(estimate.labels, np.int64)[home], -1)
+def partition(elements: Elements, labels: Sequence[int]) -> Integers:
+    """The partition of the elements that a grouping is; `labels` as `Estimate` has them."""
+    return np.where(elements.home >= 0, np.array(labels or (0,), np.int64)[elements.home], -1)
 
 
 def decision(
@@ -200,8 +203,7 @@ def _probe(
     initial = system.initial(span[0])
     if not np.isfinite(initial).all():
         return None
-    tried = [replace(s, method=choice.FAVOURITE) if s.method == choice.AUTO else s for s in chosen.distinct]
-    simulation = Simulation(engine, system, Settings(tuple(tried), chosen.of), initial, *span, announce)
+    simulation = Simulation(engine, system, chosen.tried, initial, *span, announce)
     attempts = FOR_EACH * engine.elements.groups
     simulation.attempt(attempts if simulation.program.links.called_back else max(attempts, ATTEMPTS))
     return simulation

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -94,7 +93,7 @@ class Model:
             return here
         known = {} if params else self._joined
         if id(engine) not in known:
-            known[id(engine)] = replace(here, plan=engine.plan, expansion=engine.elements)
+            known[id(engine)] = engine.equations(here)
         return known[id(engine)]
 
     @property

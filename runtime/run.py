@@ -164,6 +164,10 @@ class Engine:
             self.programs[key] = build(self.plan.classes, [(form, method)], timed=self.timed)
         return self.programs[key]
 
+    def equations(self, system: System) -> System:
+        """A system of this model, with its parameters, in the groups that are here."""
+        return System(self.plan, system.parameters, self.elements)
+
     def group_settings(
         self, settings: Mapping[str, Any], groups: Mapping[str, Mapping[str, Any]]
     ) -> Settings:
@@ -259,10 +263,7 @@ class Engine:
         key = (system.parameters.tobytes(), chosen.distinct, chosen.of.tobytes(), start, stop)
         if key in self.decided:
             return Simulation(self, system, self.decided[key], initial, start, stop, announce)
-        tried = tuple(
-            replace(s, method=choice.FAVOURITE) if s.method == choice.AUTO else s for s in chosen.distinct
-        )
-        probe = Simulation(self, system, Settings(tried, chosen.of), initial, start, stop, announce)
+        probe = Simulation(self, system, chosen.tried, initial, start, stop, announce)
         if all(s.method != choice.AUTO for s in chosen.distinct):
             return probe
         try:
@@ -301,7 +302,7 @@ class Engine:
         marked = [program.links.marked() for program in self.programs.values()]
         for table in self.plan.tables:
             table.outside[:] = [0] * len(table.outside)
-        again = System(self.plan, system.parameters, self.elements)
+        again = self.equations(system)
         with suppress(ExternError):
             again.initial(start)
             if any(marked):

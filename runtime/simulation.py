@@ -10,7 +10,7 @@ import functools
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -81,6 +81,13 @@ class Settings:
         """rtol, atol, max_step, min_step of each group: (4, groups)."""
         rows = [(s.rtol, s.atol, s.max_step, s.min_step) for s in self.distinct]
         return np.array(rows, np.float64).reshape(-1, 4).T[:, self.of]
+
+    @property
+    def tried(self) -> Settings:
+        """The same, with the favourite method where the choice is left to us."""
+        methods = (choice.FAVOURITE if s.method == choice.AUTO else s.method for s in self.distinct)
+        distinct = tuple(replace(s, method=m) for s, m in zip(self.distinct, methods, strict=True))
+        return Settings(distinct, self.of)
 
     @cached_property
     def methods(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hierc.bench_solvers import Failed, Problem, Solved, Solver, TooLong, order, solvers, system_of, witness
+from hierc.bench_solvers import Failed, Problem, Solved, Solver, TooLong, order, solvers, witness
 from hierc.exits import UsageError
 from hierc.runtime import partitions
 from hierc.runtime.machine.whole import Derivatives
@@ -101,7 +101,7 @@ def bench(
 def _problem(model: Model, settings: Mapping[str, Any]) -> Problem:
     engine = model.engine.with_groups(partitions.one(model.engine.elements))
     levels = model.system()
-    system = system_of(engine, levels)
+    system = engine.equations(levels)
     if not system.size:
         raise UsageError(f"{model.plan.name} has no states: there is nothing to integrate")
     start, stop = float(settings["start"]), float(settings["stop"])

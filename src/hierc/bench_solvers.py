@@ -82,18 +82,13 @@ def _ours(group: str) -> Solver:
 
         settings = {**problem.settings, "rtol": tolerance, "atol": tolerance}
         engine = grouped(problem.engine, group, problem.levels, settings, {})
-        run = engine.run(system_of(engine, problem.levels), settings, {}, progress=_until(limit))
+        run = engine.run(engine.equations(problem.levels), settings, {}, progress=_until(limit))
         if not run.status.ok:
             raise Failed(run.status.message)
         states = run.groups.states(order(run.system, problem.system), problem.times)
         return Solved(states, tuple(_evaluations(run)))
 
     return solve
-
-
-def system_of(engine: Engine, system: System) -> System:
-    """A model's equations as an engine with other groups has them."""
-    return System(engine.plan, system.parameters, engine.elements)
 
 
 def order(given: System, wanted: System) -> Integers:

@@ -313,7 +313,10 @@ def test_decisions_are_clear(levels: Model) -> None:
         assert found is not None
         kept = found.chosen == found.levels
         assert kept == (found.neighbours.best().seconds >= CLEARLY * found.levels.seconds)
-        assert partition(model.engine, found.levels).tolist() == model.engine.elements.home.tolist()
+        assert (
+            partition(model.engine.elements, found.levels.labels).tolist()
+            == model.engine.elements.home.tolist()
+        )
 
 
 def test_predicted_sizes_are_those_of_the_joined_groups() -> None:
