@@ -116,16 +116,23 @@ def _step(method: Method, *, timed: bool = False) -> tuple[dict[str, Any], Unit]
 def _form(
     label: str, classes: tuple[Class, ...], form: Form, method: Method, *, timed: bool = False
 ) -> tuple[dict[str, Any], Unit]:
-    for kind in {call.kind for call in form.calls + form.publishing}:
-        check_class(classes[kind])
-    unit = Unit(label, timed=timed)
-    unit.callees.update(callees.emit(unit, label, called_by(classes, form)))
-    composer = Composer(unit, label, form, classes, parse_function, method.lanes)
+    unit, composer = composed(label, classes, form, method.lanes, timed=timed)
     made = method.names(composer)
     for piece in method.pieces:
         unit.lower(piece, lanes=method.lanes, constants=made.names, export=f"{label}_{piece.__name__}")
     facts = {"work": made.work, "linear": made.linear, "updates": made.updates, "entries": made.entries}
     return facts, unit
+
+
+def composed(
+    label: str, classes: tuple[Class, ...], form: Form, lanes: int, *, timed: bool = False
+) -> tuple[Unit, Composer]:
+    """A unit with what the functions of a form call, and what composes these, checked before."""
+    for kind in {call.kind for call in form.calls + form.publishing}:
+        check_class(classes[kind])
+    unit = Unit(label, timed=timed)
+    unit.callees.update(callees.emit(unit, label, called_by(classes, form)))
+    return unit, Composer(unit, label, form, classes, parse_function, lanes)
 
 
 def called_by(classes: tuple[Class, ...], form: Form) -> dict[str, callees.Callee]:

@@ -17,13 +17,11 @@ from numpy.typing import NDArray
 from hierc.runtime.contract import Class
 from hierc.runtime.files import cache_folder
 from hierc.runtime.machine import callees
-from hierc.runtime.machine.allowed import check_class
 from hierc.runtime.machine.calls import Form
-from hierc.runtime.machine.compose import Composer
 from hierc.runtime.machine.dialect import Array, aligned, at
 from hierc.runtime.machine.forms import wire
-from hierc.runtime.machine.program import cached, called_by, description
-from hierc.runtime.machine.unit import Loaded, Unit, parse_function
+from hierc.runtime.machine.program import cached, called_by, composed, description
+from hierc.runtime.machine.unit import Loaded, Unit
 from hierc.runtime.system import System
 
 if TYPE_CHECKING:  # given by _object
@@ -86,11 +84,7 @@ def _machine_code(classes: tuple[Class, ...], form: Form) -> tuple[int, int, Loa
 
 
 def _object(label: str, classes: tuple[Class, ...], form: Form) -> tuple[dict[str, Any], Unit]:
-    for kind in {call.kind for call in form.calls}:
-        check_class(classes[kind])
-    unit = Unit(label)
-    unit.callees.update(callees.emit(unit, label, called_by(classes, form)))
-    composer = Composer(unit, label, form, classes, parse_function, 1)
+    unit, composer = composed(label, classes, form, 1)
     names = {
         "DX": form.states,
         "V": 2 * form.states,
